@@ -1,0 +1,40 @@
+# Everything runs in .venv; `make demo` and `make test` set it up first.
+PYTHON ?= python3.11
+VENV := .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.installed
+RUNS ?= runs
+# Linear algebra, element kernels and networks share these cores.
+THREADS ?= $(shell nproc 2>/dev/null || echo 2)
+DATA ?= ../shared/data/patient1
+
+.PHONY: demo test check patient1 install clean help
+
+help: ## Show this list
+	@grep -hE '^[a-z0-9]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 14
+
+install: $(STAMP) ## Make .venv with everything pinned
+
+$(STAMP): pyproject.toml constraints.txt
+	@command -v $(PYTHON) >/dev/null || { echo "Python 3.11 is needed: install it or pass PYTHON=/path/to/python"; exit 2; }
+	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[cgal,distributed,dev]'
+	touch $@
+
+demo: $(STAMP) ## The whole pipeline on the built-in phantom, from label map to report
+	$(BIN)/mixpinn demo --out $(RUNS)/demo
+
+patient1: $(STAMP) ## The same pipeline on a real patient (DATA=folder with one NIfTI a structure)
+	$(BIN)/mixpinn run configs/patient1.toml --set anatomy.folder=$(DATA) --out $(RUNS)/patient1
+
+test: $(STAMP) ## The test suite
+	$(BIN)/python -m pytest -n 2 --dist loadfile
+
+check: $(STAMP) ## Linter, types, layers, tests
+	$(BIN)/ruff check src tests benchmarks
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+	$(MAKE) test
+
+clean: ## Remove what the commands here have made
+	rm -rf $(VENV) $(RUNS) build src/*.egg-info

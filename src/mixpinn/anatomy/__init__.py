@@ -1,0 +1,1 @@
+"""Label maps: what is where in the patient."""

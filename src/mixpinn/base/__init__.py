@@ -1,0 +1,1 @@
+"""Shared machinery below every layer: errors, files, configuration, progress, run directories."""

@@ -1,0 +1,93 @@
+"""Configurations: nested frozen dataclasses, overridable by a TOML or JSON file and by `key=value` flags."""
+
+import dataclasses
+import json
+import tomllib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pydantic import TypeAdapter, ValidationError
+
+from mixpinn.base.errors import InputError
+
+C = TypeVar("C")
+
+
+def read_config_file(path: Path | str) -> dict[str, Any]:
+    """Read a ``.toml`` or ``.json`` configuration as a nested dictionary.
+
+    Raises:
+        InputError: absent, unreadable, or of another type.
+    """
+    path = Path(path)
+    try:
+        text = path.read_text()
+        return tomllib.loads(text) if path.suffix == ".toml" else json.loads(text)
+    except FileNotFoundError as error:
+        raise InputError(str(path), expected="a configuration file", got="no such file", fix="check the path") from error
+    except (tomllib.TOMLDecodeError, json.JSONDecodeError, UnicodeDecodeError) as error:
+        raise InputError(str(path), expected="TOML or JSON", got=str(error), fix="mend the syntax") from error
+
+
+def merge(base: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str, Any]:
+    """`base` with the entries of `other` laid over it, nested dictionaries merged."""
+    merged = dict(base)
+    for key, value in other.items():
+        nested = isinstance(value, Mapping) and isinstance(merged.get(key), Mapping)
+        merged[key] = merge(merged[key], value) if nested else value
+    return merged
+
+
+def parse_overrides(overrides: Sequence[str]) -> dict[str, Any]:
+    """Turn ``["train.epochs=3", "mesh.size=2.0"]`` into a nested dictionary; values are read as JSON, else text.
+
+    Raises:
+        InputError: an entry has no ``=``.
+    """
+    result: dict[str, Any] = {}
+    for override in overrides:
+        key, sign, text = override.partition("=")
+        if not sign:
+            raise InputError(f"--set {override}", expected="KEY=VALUE", got=override, fix="write for example train.epochs=3")
+        try:
+            value: Any = json.loads(text)
+        except json.JSONDecodeError:
+            value = text
+        for name in reversed(key.split(".")):
+            value = {name: value}
+        result = merge(result, value)
+    return result
+
+
+def _refuse_unknown(kind: Any, values: Mapping[str, Any], where: str) -> None:
+    fields = {field.name: field for field in dataclasses.fields(kind)}
+    for key, value in values.items():
+        if key not in fields:
+            raise InputError(
+                f"{where}{key}", expected="one of " + ", ".join(fields), got=f"the unknown setting {key!r}",
+                fix="check the spelling",
+            )
+        nested = fields[key].type
+        if isinstance(value, Mapping) and dataclasses.is_dataclass(nested):
+            _refuse_unknown(nested, value, f"{where}{key}.")
+
+
+def build_config(kind: type[C], *layers: Mapping[str, Any]) -> C:
+    """Build the frozen dataclass `kind` from its defaults overlaid with `layers`, later ones winning.
+
+    Raises:
+        InputError: an unknown setting or a value of the wrong type; the message names the setting.
+    """
+    values: dict[str, Any] = {}
+    for layer in layers:
+        values = merge(values, layer)
+    _refuse_unknown(kind, values, "")
+    try:
+        return TypeAdapter(kind).validate_python(values)
+    except ValidationError as error:
+        first = error.errors()[0]
+        raise InputError(
+            ".".join(str(part) for part in first["loc"]) or kind.__name__, expected=first["msg"],
+            got=repr(first.get("input")), fix="correct the setting",
+        ) from error

@@ -1,0 +1,98 @@
+"""Run directories: a stage's output folder that says what made it, and lets an interrupted stage go on."""
+
+import importlib.metadata
+import platform
+import sys
+from collections.abc import Mapping
+from dataclasses import asdict, is_dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from mixpinn.base.errors import InputError
+from mixpinn.base.files import hash_file, read_json, write_json
+
+RECORD = "run.json"
+_PACKAGES = ("mixpinn", "numpy", "scipy", "numba", "torch", "torch-geometric", "zarr", "pyvista", "nibabel")
+
+
+def versions() -> dict[str, str]:
+    """Versions of Python, the platform and the packages that decide results."""
+    found = {"python": platform.python_version(), "platform": platform.platform()}
+    for name in _PACKAGES:
+        try:
+            found[name] = importlib.metadata.version(name)
+        except importlib.metadata.PackageNotFoundError:
+            continue
+    return found
+
+
+def _hash_inputs(inputs: Mapping[str, Path | str]) -> dict[str, str]:
+    hashes = {}
+    for name, path in inputs.items():
+        path = Path(path)
+        if path.is_file():
+            hashes[name] = hash_file(path)
+        elif path.is_dir():
+            hashes.update({f"{name}/{p.name}": hash_file(p) for p in sorted(path.iterdir()) if p.is_file()})
+    return hashes
+
+
+def start_run(
+    folder: Path | str, stage: str, config: Any, *, inputs: Mapping[str, Path | str] | None = None,
+    seed: int | None = None, input_hashes: Mapping[str, str] | None = None,
+) -> bool:
+    """Open `folder` as the run directory of `stage`; write ``run.json`` with all that the result depends on.
+
+    Returns:
+        True where the same run was begun here before (same stage, configuration, seed and inputs), so that
+        finished work may be kept; False where the folder is new.
+
+    Raises:
+        InputError: the folder holds another run.
+    """
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    settings = asdict(config) if is_dataclass(config) and not isinstance(config, type) else dict(config)
+    identity = {
+        "stage": stage, "seed": seed, "config": _jsonable(settings),
+        "inputs": {**_hash_inputs(inputs or {}), **(input_hashes or {})},
+    }
+    record = folder / RECORD
+    if record.exists():
+        before = read_json(record)
+        if {key: before.get(key) for key in identity} == identity:
+            return True
+        changed = ", ".join(key for key in identity if before.get(key) != identity[key])
+        raise InputError(
+            str(folder), expected=f"an empty folder or the same {stage} run", got=f"a run with another {changed}",
+            fix="choose another output folder or delete this one",
+        )
+    write_json(record, {
+        **identity, "command": sys.argv, "versions": versions(),
+        "input_paths": {name: str(path) for name, path in (inputs or {}).items()},
+        "started": datetime.now(UTC).isoformat(timespec="seconds"),
+    })
+    return False
+
+
+def finish_run(folder: Path | str, results: Mapping[str, Any]) -> None:
+    """Add `results` and the time of completion to the run's record."""
+    record = Path(folder) / RECORD
+    write_json(record, {
+        **read_json(record), "results": dict(results), "finished": datetime.now(UTC).isoformat(timespec="seconds"),
+    })
+
+
+def is_finished(folder: Path | str) -> bool:
+    """Whether the run directory holds a completed run."""
+    record = Path(folder) / RECORD
+    return record.exists() and "finished" in read_json(record)
+
+
+def _jsonable(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {str(key): _jsonable(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_jsonable(item) for item in value]
+    return str(value) if isinstance(value, Path) else value

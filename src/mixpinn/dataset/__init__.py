@@ -1,0 +1,1 @@
+"""Poses, splits, generation and the store of simulations."""

@@ -1,0 +1,181 @@
+"""Where to press: a grid of positions on the skin over the rigid parts, and the tip's place at first touch."""
+
+from collections.abc import Iterator
+
+import numpy as np
+import pyvista as pv
+
+from mixpinn.base.arrays import FloatArray, IntArray
+from mixpinn.base.errors import InputError
+from mixpinn.base.progress import track
+from mixpinn.dataset.protocol import Pose, Protocol, list_poses, probe_rotation
+from mixpinn.records import Probe, TissueMesh
+
+
+def plane_axes(direction: FloatArray) -> FloatArray:
+    """Two unit vectors that span the plane across `direction`, shape (2, 3); x and z for the direction −y."""
+    return probe_rotation(0.0, direction)[:, [0, 2]].T
+
+
+def cast_rays(
+    starts: FloatArray, direction: FloatArray, *, points: FloatArray, triangles: IntArray,
+) -> FloatArray:
+    """Distance along `direction` from each start to the first triangle that it meets, infinite where none.
+
+    Möller and Trumbore (1997), all rays parallel: start + t d = a + u (b − a) + v (c − a) with u, v ≥ 0, u + v ≤ 1.
+
+    Args:
+        starts: [mm], shape (r, 3).
+        direction: of length 1, shape (3,).
+        points: vertices [mm], shape (p, 3).
+        triangles: shape (t, 3).
+
+    Returns:
+        Distances [mm], shape (r,).
+    """
+    a, b, c = np.moveaxis(points[triangles], 1, 0)
+    first, second = b - a, c - a
+    across = np.cross(direction, second)
+    determinant = np.einsum("ij,ij->i", first, across)
+    facing = np.abs(determinant) > 1e-12
+    a, first, second, across, determinant = (item[facing] for item in (a, first, second, across, determinant))
+    distances = np.full(len(starts), np.inf)
+    for index, start in enumerate(starts):
+        offset = start - a
+        u = np.einsum("ij,ij->i", offset, across) / determinant
+        turned = np.cross(offset, first)
+        v = turned @ direction / determinant
+        t = np.einsum("ij,ij->i", second, turned) / determinant
+        met = (u >= -1e-9) & (v >= -1e-9) & (u + v <= 1.0 + 1e-9) & (t >= 0.0)
+        if met.any():
+            distances[index] = t[met].min()
+    return distances
+
+
+def _centred_ticks(low: float, high: float, spacing: float) -> FloatArray:
+    count = int(np.floor((high - low) / spacing + 1e-9)) + 1
+    return (low + high) / 2.0 + (np.arange(count) - (count - 1) / 2.0) * spacing
+
+
+def thin_positions(positions: FloatArray, count: int | None) -> FloatArray:
+    """At most `count` of `positions`, spread evenly: each next one is the farthest from those chosen before.
+
+    The first is the one nearest the centroid; the result keeps the order of `positions`.
+    """
+    if count is None or len(positions) <= count:
+        return positions
+    chosen = [int(np.argmin(np.linalg.norm(positions - positions.mean(axis=0), axis=1)))]
+    distance = np.linalg.norm(positions - positions[chosen[0]], axis=1)
+    while len(chosen) < count:
+        chosen.append(int(np.argmax(distance)))
+        distance = np.minimum(distance, np.linalg.norm(positions - positions[chosen[-1]], axis=1))
+    return positions[np.sort(chosen)]
+
+
+def grid_positions(mesh: TissueMesh, protocol: Protocol) -> FloatArray:
+    """Positions on the skin over the rigid parts, every `protocol.spacing`, centred on their extent [mm], shape (p, 3).
+
+    Each is the first point of the skin that a ray along the pressing direction meets. A mesh without rigid parts
+    is covered over its whole extent less one spacing on each side.
+
+    Raises:
+        InputError: no ray meets the skin.
+    """
+    direction, axes = protocol.unit_direction, plane_axes(protocol.unit_direction)
+    covered = mesh.points[mesh.part > 0] if mesh.n_parts else mesh.points
+    low, high = (covered @ axes.T).min(axis=0), (covered @ axes.T).max(axis=0)
+    if not mesh.n_parts:
+        low, high = low + protocol.spacing, high - protocol.spacing
+    across = [_centred_ticks(*limits, protocol.spacing) for limits in zip(low, high, strict=True)]
+    first, second = np.meshgrid(*across)
+    above = float((mesh.points @ direction).min()) - 1.0
+    starts = np.column_stack([first.ravel(), second.ravel()]) @ axes + above * direction
+    distances = cast_rays(starts, direction, points=mesh.points, triangles=mesh.skin_faces)
+    positions = (starts + distances[:, None] * direction)[np.isfinite(distances)] if len(starts) else starts
+    if not len(positions):
+        raise InputError(
+            "probe positions", expected="skin over the rigid parts", got="no ray that meets it",
+            fix="check the pressing direction or give the positions in a file",
+        )
+    return thin_positions(positions, protocol.max_positions)
+
+
+def first_touch(
+    position: FloatArray, rotation_deg: float, *, mesh: TissueMesh, probe: Probe, protocol: Protocol,
+    gap: float, tolerance: float = 1e-3,
+) -> FloatArray:
+    """Where the tip stands when the probe, coming along the pressing direction, first is `gap` from the skin.
+
+    Conservative advancement (Mirtich 1996): the probe is as far from the skin as the nearest vertex of either is
+    from the other's surface, D; moving it by D − gap cannot carry it past first touch, so the sum of such moves
+    converges to it from outside. Edges that cross without a vertex near them are not seen.
+
+    Args:
+        position: a point on the line along which the tip moves [mm], shape (3,).
+        rotation_deg: rotation about the pressing direction [degree].
+        mesh: its skin is what is touched.
+        probe: the probe's surface.
+        protocol: for the direction.
+        gap: distance at which contact acts [mm].
+        tolerance: distance from `gap` at which the search ends [mm].
+
+    Returns:
+        The tip [mm], shape (3,).
+
+    Raises:
+        InputError: no skin lies in the probe's way.
+    """
+    direction, axes = protocol.unit_direction, plane_axes(protocol.unit_direction)
+    tool = probe.points @ probe_rotation(rotation_deg, direction).T
+    reach = np.linalg.norm(tool @ axes.T, axis=1).max() + gap
+    lateral = np.linalg.norm((mesh.points - position) @ axes.T, axis=1)
+    near = mesh.skin_faces[(lateral[mesh.skin_faces] < reach + 2.0 * gap).any(axis=1)]
+    if not len(near):
+        raise InputError(
+            f"probe position {np.round(position, 1).tolist()}", expected="skin in the probe's way", got="none",
+            fix="move the position over the body",
+        )
+    used, local = np.unique(near, return_inverse=True)
+    skin = pv.PolyData.from_regular_faces(mesh.points[used], local.reshape(-1, 3))
+    surface = pv.PolyData.from_regular_faces(tool, probe.triangles)
+    nodes = np.asarray(skin.points)
+    ahead = float((nodes @ direction).min()) - float((tool @ direction).max()) - gap - 1.0
+    travel = ahead - float(position @ direction)
+    limit = travel + float(np.ptp(nodes @ direction) + np.ptp(tool @ direction)) + 4.0 * gap + 2.0
+    while travel < limit:
+        offset = position + travel * direction
+        distance = min(_distance(tool + offset, skin), _distance(nodes - offset, surface))
+        if distance - gap < tolerance:
+            return offset
+        travel += distance - gap
+    raise InputError(
+        f"probe position {np.round(position, 1).tolist()}", expected="skin in the probe's way", got="a way that misses it",
+        fix="move the position over the body",
+    )
+
+
+def _distance(points: FloatArray, surface: pv.PolyData) -> float:
+    _, closest = surface.find_closest_cell(points, return_closest_point=True)
+    return float(np.sqrt(((points - closest) ** 2).sum(axis=1).min()))
+
+
+def plan_poses(
+    positions: FloatArray, protocol: Protocol, *, mesh: TissueMesh, probe: Probe, gap: float,
+) -> tuple[Pose, ...]:
+    """Poses of the protocol at `positions` [mm], shape (p, 3), with the origin of each path as `protocol.start` says.
+
+    Raises:
+        InputError: a position beside the body (only where the path begins at first touch).
+    """
+    listed = list_poses(positions, protocol)
+    if protocol.start == "listed":
+        return listed
+    return tuple(_touching(listed, protocol, mesh, probe, gap))
+
+
+def _touching(poses: tuple[Pose, ...], protocol: Protocol, mesh: TissueMesh, probe: Probe, gap: float) -> Iterator[Pose]:
+    for pose in track(poses, "first touch"):
+        x, y, z = first_touch(
+            np.array(pose.position), pose.rotation_deg, mesh=mesh, probe=probe, protocol=protocol, gap=gap,
+        )
+        yield Pose(pose.position_index, (float(x), float(y), float(z)), pose.rotation_deg)

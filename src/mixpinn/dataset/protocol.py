@@ -1,0 +1,187 @@
+"""Protocol: where the probe presses, at which rotations, and along which path."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from mixpinn.base.arrays import FloatArray
+from mixpinn.base.errors import InputError
+from mixpinn.records import ProbePath
+
+PROBE_AXIS = np.array([0.0, -1.0, 0.0])
+"""The direction in which a probe points in its own frame."""
+
+
+@dataclass(frozen=True)
+class Protocol:
+    """Which poses are simulated and how deep.
+
+    Step s = 1 … `steps` has the depth d = s · `step` − `approach` [mm], at which the tip lies at
+    ``origin + (d − lag) · direction``. The origin is the listed position (`start` ``listed``), or the place where
+    the tip stands when the probe first comes within the contact gap of the skin (`start` ``touch``), so that
+    depth 1 mm is the first step that indents.
+
+    SOFA's collision mesh trails its rigid body by one step: the fields that it stores for depth d were computed
+    with the probe at depth d − 1 mm. `lag` 1 mm replays exactly that; 0 puts the probe where the depth says.
+
+    Attributes:
+        rotations: rotations of the probe about the pressing direction [degree].
+        approach: height above the origin from which the probe starts [mm].
+        step: depth increment [mm].
+        steps: number of steps a pose, approach included.
+        start: what the origin of the path is.
+        direction: pressing direction in the world frame, of any length.
+        lag: how far the probe trails behind the depth [mm].
+        spacing: distance between neighbouring positions where they are laid out as a grid [mm].
+        max_positions: at most so many positions, spread evenly; None keeps all.
+    """
+
+    rotations: tuple[float, ...] = (0.0, 45.0, 90.0, 135.0)
+    approach: float = 8.0
+    step: float = 1.0
+    steps: int = 28
+    start: Literal["listed", "touch"] = "listed"
+    direction: tuple[float, float, float] = (0.0, -1.0, 0.0)
+    lag: float = 0.0
+    spacing: float = 10.0
+    max_positions: int | None = None
+
+    def __post_init__(self) -> None:
+        checks = {
+            "rotations": (len(self.rotations) > 0 and len(set(self.rotations)) == len(self.rotations), "distinct angles"),
+            "step": (self.step > 0, "a positive length"),
+            "steps": (self.steps >= 1, "at least 1"),
+            "spacing": (self.spacing > 0, "a positive length"),
+            "direction": (float(np.linalg.norm(self.direction)) > 1e-9, "a vector that is not zero"),
+            "max_positions": (self.max_positions is None or self.max_positions >= 1, "at least 1"),
+        }
+        for name, (met, expected) in checks.items():
+            if not met:
+                raise InputError(
+                    f"protocol.{name}", expected=expected, got=repr(getattr(self, name)), fix="correct the setting",
+                )
+
+    @property
+    def unit_direction(self) -> FloatArray:
+        """Pressing direction of length 1, shape (3,)."""
+        direction = np.asarray(self.direction, dtype=np.float64)
+        return direction / np.linalg.norm(direction)
+
+    @property
+    def depths(self) -> FloatArray:
+        """Depth of each step [mm], shape (steps,)."""
+        return np.arange(1, self.steps + 1) * self.step - self.approach
+
+
+PAPER = Protocol()
+"""The paper's protocol: four rotations, from 8 mm above the listed position to 20 mm below it."""
+
+SOFA_REPLAY = Protocol(lag=1.0)
+"""The paper's protocol with the probe where SOFA's collision mesh was."""
+
+ANATOMY = Protocol(approach=0.0, steps=20, start="touch")
+"""Any anatomy: four rotations, twenty steps of 1 mm from first touch."""
+
+SMALL = Protocol(rotations=(0.0,), approach=0.0, steps=10, start="touch", max_positions=24)
+"""One rotation at 24 positions, ten steps of 1 mm."""
+
+TINY = Protocol(rotations=(0.0, 90.0), approach=0.0, step=2.0, steps=3, start="touch", spacing=20.0, max_positions=4)
+"""Four positions, two rotations, three steps of 2 mm: for trying things out."""
+
+PROTOCOLS = {"paper": PAPER, "sofa-replay": SOFA_REPLAY, "anatomy": ANATOMY, "small": SMALL, "tiny": TINY}
+
+
+@dataclass(frozen=True)
+class Pose:
+    """One simulation: the probe at one position with one rotation.
+
+    Attributes:
+        position_index: index into the list of positions.
+        position: origin of the path [mm]: the tip at depth 0.
+        rotation_deg: rotation about the pressing direction [degree].
+    """
+
+    position_index: int
+    position: tuple[float, float, float]
+    rotation_deg: float
+
+    @property
+    def name(self) -> str:
+        """``pose_PPP_RRR``: position index and rotation, with a decimal part only where there is one."""
+        angle = self.rotation_deg % 360.0
+        whole = abs(angle - round(angle)) < 1e-9
+        return f"pose_{self.position_index:03d}_" + (f"{round(angle):03d}" if whole else f"{angle:07.3f}")
+
+
+def list_poses(positions: FloatArray, protocol: Protocol) -> tuple[Pose, ...]:
+    """All rotations of the protocol at each of `positions` [mm], shape (p, 3), positions first."""
+    return tuple(
+        Pose(index, (float(x), float(y), float(z)), float(rotation))
+        for index, (x, y, z) in enumerate(positions) for rotation in protocol.rotations
+    )
+
+
+def probe_rotation(rotation_deg: float, direction: Sequence[float] | FloatArray = (0.0, -1.0, 0.0)) -> FloatArray:
+    """Rotation matrix that turns the probe about its axis and then points it along `direction`, shape (3, 3).
+
+    R = A · R_y(θ), with R_y the right-handed rotation about +y and A the shortest turn from −y to `direction`
+    (Rodrigues: A = I + [v]× + [v]×² / (1 + c), v = −y × direction, c = −y · direction). A probe that presses along
+    +y is turned about z.
+    """
+    angle = np.deg2rad(rotation_deg)
+    cosine, sine = np.cos(angle), np.sin(angle)
+    about_axis = np.array([[cosine, 0.0, sine], [0.0, 1.0, 0.0], [-sine, 0.0, cosine]])
+    target = np.asarray(direction, dtype=np.float64)
+    target = target / np.linalg.norm(target)
+    c = float(PROBE_AXIS @ target)
+    if c < -1.0 + 1e-12:
+        return np.diag([-1.0, -1.0, 1.0]) @ about_axis
+    x, y, z = np.cross(PROBE_AXIS, target)
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return (np.eye(3) + cross + cross @ cross / (1.0 + c)) @ about_axis
+
+
+def probe_path(position: Sequence[float] | FloatArray, rotation_deg: float, protocol: Protocol) -> ProbePath:
+    """Path of the probe over all steps of `protocol`.
+
+    Args:
+        position: origin of the path, the tip at depth 0 (and no lag) [mm], shape (3,).
+        rotation_deg: rotation about the pressing direction [degree].
+        protocol: depths, direction and lag.
+
+    Example:
+        >>> path = probe_path((0.0, 134.0, 0.0), 45.0, PAPER)
+        >>> float(path.translations[0, 1]), float(path.depths[-1]), float(path.translations[-1, 1])
+        (141.0, 20.0, 114.0)
+    """
+    depths = protocol.depths
+    origin = np.asarray(position, dtype=np.float64)
+    translations = origin + (depths - protocol.lag)[:, None] * protocol.unit_direction
+    rotation = probe_rotation(rotation_deg, protocol.unit_direction)
+    return ProbePath(translations, np.tile(rotation, (len(depths), 1, 1)), depths)
+
+
+def read_positions(path: Path | str) -> FloatArray:
+    """Read probe positions from a text file, one ``x y z`` [mm] a line (``#`` begins a comment), shape (p, 3).
+
+    Raises:
+        InputError: absent, not numbers, not three a line, or not finite.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise InputError(str(path), expected="a list of probe positions", got="no such file", fix="check the path")
+    try:
+        positions = np.loadtxt(path, dtype=np.float64, ndmin=2, delimiter="," if "," in path.read_text() else None)
+    except (ValueError, UnicodeDecodeError) as error:
+        raise InputError(
+            str(path), expected="three numbers a line", got=str(error), fix="write one 'x y z' in mm a line",
+        ) from error
+    if positions.ndim != 2 or positions.shape[1] != 3 or not len(positions) or not np.isfinite(positions).all():
+        raise InputError(
+            str(path), expected="three finite numbers a line", got=f"an array of shape {positions.shape}",
+            fix="write one 'x y z' in mm a line",
+        )
+    return positions

@@ -1,0 +1,107 @@
+"""Split: which probe positions train, validate and test; all rotations of a position stay together."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from mixpinn.base.arrays import AnyArray, IntArray
+from mixpinn.base.errors import InputError
+from mixpinn.base.files import read_json, write_json
+
+
+@dataclass(frozen=True, eq=False)
+class Split:
+    """Disjoint sets of probe position indices.
+
+    Attributes:
+        name: for tables.
+        train, validation, test: sorted position indices, shapes (t,), (v,), (w,).
+
+    Raises:
+        InputError: a position is in two parts, or twice in one.
+    """
+
+    name: str
+    train: IntArray
+    validation: IntArray
+    test: IntArray
+
+    def __post_init__(self) -> None:
+        for part in self.parts:
+            object.__setattr__(self, part, np.sort(np.asarray(getattr(self, part), dtype=np.int64).ravel()))
+        every = np.concatenate(list(self.parts.values()))
+        values, counts = np.unique(every, return_counts=True)
+        if (counts > 1).any() or (values < 0).any():
+            wrong = values[(counts > 1) | (values < 0)]
+            raise InputError(
+                f"split {self.name!r}", expected="each position in one part", got=f"positions {wrong[:5].tolist()} in several",
+                fix="make the parts disjoint",
+            )
+
+    @property
+    def parts(self) -> dict[str, IntArray]:
+        """The three sets by name."""
+        return {"train": self.train, "validation": self.validation, "test": self.test}
+
+    def save(self, path: Path | str) -> None:
+        """Write as JSON."""
+        write_json(path, {"name": self.name, **self.parts})
+
+    @staticmethod
+    def load(path: Path | str) -> "Split":
+        """Read what `save` wrote, or a JSON with the keys ``train``, ``val`` (or ``validation``) and ``test``.
+
+        Raises:
+            InputError: absent, of another layout, or parts that overlap.
+        """
+        values = read_json(path)
+        try:
+            validation = values["validation"] if "validation" in values else values["val"]
+            parts = [np.array(part, dtype=np.int64) for part in (values["train"], validation, values["test"])]
+        except (KeyError, TypeError, ValueError) as error:
+            raise InputError(
+                str(path), expected="lists of position indices 'train', 'validation' and 'test'", got=repr(error),
+                fix="write the split again",
+            ) from error
+        return Split(str(values.get("name", Path(path).stem)), *parts)
+
+
+def split_positions(
+    n: int, *, ratios: tuple[float, float, float] = (0.7, 0.2, 0.1), seed: int = 42,
+) -> Split:
+    """Split n probe positions as the paper does: 132 give 93 / 26 / 13.
+
+    The positions are permuted by ``numpy.random.default_rng(seed)``; the first train, the next validate, the last
+    test. Validation and test get their share rounded down but at least one, and training gets the rest.
+
+    Raises:
+        InputError: fewer than three positions, or ratios that are not positive and of sum 1.
+    """
+    if n < 3:
+        raise InputError("split", expected="at least 3 probe positions", got=str(n), fix="simulate more positions")
+    if min(ratios) <= 0.0 or abs(sum(ratios) - 1.0) > 1e-6:
+        raise InputError("split ratios", expected="three positive numbers of sum 1", got=str(ratios), fix="correct them")
+    # 1e-9 keeps a share such as 0.1 · 30 from being rounded to the integer below it.
+    validation, test = (max(1, int(np.floor(n * ratio + 1e-9))) for ratio in ratios[1:])
+    validation = min(validation, n - 2)
+    test = min(test, n - 1 - validation)
+    order = np.random.default_rng(seed).permutation(n)
+    train = n - validation - test
+    return Split(f"positions-{seed}", order[:train], order[train: train + validation], order[train + validation:])
+
+
+def split_sofa_subset(positions: AnyArray) -> Split:
+    """Split the positions of a partial data set: sorted, every fifth beginning with the third tests, the rest train.
+
+    Args:
+        positions: position indices, repeats allowed, shape (n,).
+
+    Raises:
+        InputError: fewer than three different positions.
+    """
+    order = np.unique(np.asarray(positions, dtype=np.int64))
+    if len(order) < 3:
+        raise InputError("split", expected="at least 3 probe positions", got=str(len(order)), fix="simulate more positions")
+    test = order[2::5]
+    return Split("every-fifth", np.setdiff1d(order, test), np.empty(0, dtype=np.int64), test)

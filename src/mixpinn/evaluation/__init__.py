@@ -1,0 +1,1 @@
+"""Metrics, tables, plots, pictures and the report."""

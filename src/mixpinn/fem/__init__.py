@@ -1,0 +1,17 @@
+"""Finite elements: material, rigid bodies, contact and the quasi-static solve."""
+
+from mixpinn.fem.contact import ContactConfig, ContactModel, ProbePose
+from mixpinn.fem.contact_surface import ProbeSurface, SkinSurface
+from mixpinn.fem.linear import LinearSolver, PardisoSolver, SuperLUSolver, default_solver
+from mixpinn.fem.material import PAPER_TISSUE, LinearElastic, Material, StableNeoHookean, StableNeoHookeanLog
+from mixpinn.fem.scene import Scene
+from mixpinn.fem.simulate import PoseSimulator, simulate_pose
+from mixpinn.fem.solve import QuasiStaticSolver, SolverConfig
+from mixpinn.fem.system import ElasticSystem, State
+
+__all__ = [
+    "PAPER_TISSUE", "ContactConfig", "ContactModel", "ElasticSystem", "LinearElastic", "LinearSolver", "Material",
+    "PardisoSolver", "PoseSimulator", "ProbePose", "ProbeSurface", "QuasiStaticSolver", "Scene", "SkinSurface",
+    "SolverConfig", "StableNeoHookean", "StableNeoHookeanLog", "State", "SuperLUSolver", "default_solver",
+    "simulate_pose",
+]

@@ -1,0 +1,124 @@
+"""The surfaces that may touch: the skin as mesh nodes see it, and the probe as a cloud of points on its surface."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from mixpinn.base.arrays import FloatArray, IntArray
+from mixpinn.base.errors import InputError
+from mixpinn.fem.contact_geometry import Triangulation
+from mixpinn.records import Probe, TissueMesh
+
+
+@dataclass(frozen=True, eq=False)
+class SkinSurface:
+    """A triangle surface that follows the mesh: each vertex is a fixed weighted mean of mesh nodes.
+
+    Attributes:
+        nodes: mesh nodes behind each vertex, shape (v, w); w = 1 for the mesh's own skin.
+        weights: their weights, shape (v, w), each row sums to one.
+        surface: connectivity.
+    """
+
+    nodes: IntArray
+    weights: FloatArray
+    surface: Triangulation
+
+    def vertices(self, points: FloatArray) -> FloatArray:
+        """Vertex positions for mesh node positions `points`, shape (n, 3) [mm] → (v, 3) [mm]."""
+        if self.nodes.shape[1] == 1:
+            return points[self.nodes[:, 0]]
+        return np.einsum("vw,vwk->vk", self.weights, points[self.nodes])
+
+    def coupled_nodes(self) -> IntArray:
+        """Pairs i < j of mesh nodes that a contact on one triangle couples, shape (p, 2)."""
+        around = self.nodes[self.surface.triangles].reshape(len(self.surface.triangles), -1)
+        first, second = np.triu_indices(around.shape[1], k=1)
+        pairs = np.sort(np.stack([around[:, first].ravel(), around[:, second].ravel()], axis=1), axis=1)
+        return np.unique(pairs[pairs[:, 0] < pairs[:, 1]], axis=0)
+
+    @staticmethod
+    def of_mesh(mesh: TissueMesh) -> "SkinSurface":
+        """The mesh's own skin."""
+        vertices, triangles = np.unique(mesh.skin_faces, return_inverse=True)
+        triangles = triangles.reshape(-1, 3)
+        return SkinSurface(
+            vertices[:, None], np.ones((len(vertices), 1)), Triangulation.build(triangles, len(vertices)),
+        )
+
+    @staticmethod
+    def embedded(mesh: TissueMesh, points: FloatArray, triangles: IntArray) -> "SkinSurface":
+        """Another surface tied to the mesh: vertices that are nodes follow them, others their cell's four nodes.
+
+        Args:
+            mesh: the mesh to follow.
+            points: rest positions of the vertices [mm], shape (v, 3); a vertex outside every cell follows the cell
+                in which its barycentric weights are least negative.
+            triangles: shape (t, 3).
+
+        Raises:
+            InputError: a vertex is farther than 20 mm from the mesh.
+        """
+        distance, nearest = cKDTree(mesh.points).query(points)
+        corners = mesh.points[mesh.cells]
+        inverse = np.linalg.inv(np.concatenate([corners, np.ones((len(corners), 4, 1))], axis=2).transpose(0, 2, 1))
+        nodes = np.repeat(nearest[:, None], 4, axis=1)
+        weights = np.tile([1.0, 0.0, 0.0, 0.0], (len(points), 1))
+        for vertex in np.flatnonzero(distance > 1e-3):
+            barycentric = inverse @ np.append(points[vertex], 1.0)
+            cell = int(barycentric.min(axis=1).argmax())
+            if barycentric[cell].min() < -20.0:
+                raise InputError(
+                    "contact surface", expected="vertices on the mesh's skin", got=f"vertex {vertex} far from it",
+                    fix="use a surface of the same anatomy and frame",
+                )
+            nodes[vertex], weights[vertex] = mesh.cells[cell], barycentric[cell]
+        return SkinSurface(nodes.astype(np.int64), weights, Triangulation.build(triangles, len(points)))
+
+
+@dataclass(frozen=True, eq=False)
+class ProbeSurface:
+    """The probe's triangles, and points on them closer together than `spacing`.
+
+    Attributes:
+        vertices: in the probe's frame [mm], shape (p, 3).
+        surface: connectivity.
+        samples: points on the surface in the probe's frame [mm], shape (q, 3); the vertices come first.
+    """
+
+    vertices: FloatArray
+    surface: Triangulation
+    samples: FloatArray
+
+    @staticmethod
+    def of_probe(probe: Probe, *, spacing: float) -> "ProbeSurface":
+        """Sample `probe`: every triangle on a barycentric lattice whose steps are at most `spacing` [mm].
+
+        The skin's nodes may lie farther apart than the probe is wide; samples between the probe's own vertices are
+        what keeps an edge of the probe from passing between them.
+        """
+        corners = probe.points[probe.triangles]
+        longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+        clouds = [probe.points]
+        for triangle, edge in zip(corners, longest, strict=True):
+            n = max(1, int(np.ceil(edge / spacing)))
+            i, j = np.meshgrid(np.arange(n + 1), np.arange(n + 1), indexing="ij")
+            keep = i + j <= n
+            weights = np.stack([i[keep], j[keep], n - i[keep] - j[keep]], axis=1) / n
+            clouds.append(weights @ triangle)
+        return ProbeSurface(
+            probe.points, Triangulation.build(probe.triangles, len(probe.points)),
+            _thin(np.concatenate(clouds), kept=len(probe.points), distance=0.5 * spacing),
+        )
+
+
+def _thin(points: FloatArray, *, kept: int, distance: float) -> FloatArray:
+    """Drop points closer than `distance` to an earlier one; the first `kept` stay in any case."""
+    alive = np.ones(len(points), dtype=bool)
+    tree = cKDTree(points)
+    for index, point in enumerate(points):
+        if alive[index]:
+            near = np.array(tree.query_ball_point(point, distance), dtype=np.int64)
+            alive[near[(near > index) & (near >= kept)]] = False
+    return points[alive]

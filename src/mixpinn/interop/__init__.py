@@ -1,0 +1,1 @@
+"""Scenes out to, and recordings in from, other simulators."""

@@ -1,0 +1,13 @@
+"""The frozen records that pass between stages, each with `save` and `load` in an open format."""
+
+from mixpinn.records.evaluation import Evaluation
+from mixpinn.records.label_map import LabelMap
+from mixpinn.records.prediction import Prediction
+from mixpinn.records.probe import Probe, ProbePath
+from mixpinn.records.samples import Sample, SampleTable
+from mixpinn.records.simulation import Simulation
+from mixpinn.records.tissue_mesh import TissueMesh
+
+__all__ = [
+    "Evaluation", "LabelMap", "Prediction", "Probe", "ProbePath", "Sample", "SampleTable", "Simulation", "TissueMesh",
+]

@@ -1,0 +1,86 @@
+"""LabelMap: which voxel belongs to which structure, in the world frame."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import nibabel as nib
+import numpy as np
+
+from mixpinn.base.arrays import AnyArray, FloatArray
+from mixpinn.base.errors import InputError
+from mixpinn.base.files import atomic_path, hash_arrays, read_json, write_json
+
+SCANNER_TO_WORLD = np.diag([1.0, -1.0, -1.0, 1.0])
+"""RAS scanner axes turned 180 degrees about x: world (x, y, z) = (right, posterior, caudal)."""
+
+
+@dataclass(frozen=True, eq=False)
+class LabelMap:
+    """Structures of one anatomy on one voxel grid.
+
+    Attributes:
+        labels: uint8, shape (ni, nj, nk). 0 outside; 1 … S the soft tissues; S+1 … S+K the rigid parts.
+        affine: voxel index to world frame [mm], shape (4, 4). The origin is the centre of the body's bounding
+            box; x = patient right, y = posterior, z = caudal.
+        world_to_scanner: world frame [mm] to the scanner's RAS frame [mm], shape (4, 4).
+        soft_names: names of labels 1 … S; the first is the body.
+        rigid_names: names of labels S+1 … S+K, ordered cranial to caudal.
+    """
+
+    labels: AnyArray
+    affine: FloatArray
+    world_to_scanner: FloatArray
+    soft_names: tuple[str, ...]
+    rigid_names: tuple[str, ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of labels 1, 2, …"""
+        return self.soft_names + self.rigid_names
+
+    @property
+    def voxel_volume(self) -> float:
+        """Volume of one voxel [mm³]."""
+        return abs(float(np.linalg.det(self.affine[:3, :3])))
+
+    def mask(self, name: str) -> AnyArray:
+        """Boolean mask of structure `name`, shape (ni, nj, nk)."""
+        mask: AnyArray = self.labels == self.names.index(name) + 1
+        return mask
+
+    def hash(self) -> str:
+        """Identity of the content."""
+        return hash_arrays(self.labels, self.affine)
+
+    def save(self, path: Path | str) -> None:
+        """Write ``NAME.nii.gz`` (scanner frame, as any viewer expects) and beside it ``NAME.json``."""
+        path = Path(path)
+        image = nib.Nifti1Image(self.labels.astype(np.uint8), self.world_to_scanner @ self.affine)
+        with atomic_path(path) as temporary:
+            nib.save(image, temporary)
+        write_json(_sidecar(path), {
+            "affine": self.affine, "world_to_scanner": self.world_to_scanner,
+            "soft_names": self.soft_names, "rigid_names": self.rigid_names,
+        })
+
+    @staticmethod
+    def load(path: Path | str) -> "LabelMap":
+        """Read what `save` wrote.
+
+        Raises:
+            InputError: absent or damaged.
+        """
+        path = Path(path)
+        about = read_json(_sidecar(path))
+        try:
+            labels = np.asarray(nib.load(path).dataobj).astype(np.uint8)
+        except Exception as error:  # nibabel raises many kinds: zlib, EOF, header
+            raise InputError(str(path), expected="a label map", got=str(error), fix="run 'mixpinn anatomy' again") from error
+        return LabelMap(
+            labels, np.array(about["affine"]), np.array(about["world_to_scanner"]),
+            tuple(about["soft_names"]), tuple(about["rigid_names"]),
+        )
+
+
+def _sidecar(path: Path) -> Path:
+    return path.with_name(path.name.removesuffix(".gz").removesuffix(".nii") + ".json")

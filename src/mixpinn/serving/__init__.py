@@ -1,0 +1,1 @@
+"""Load a trained model once, predict many times."""
