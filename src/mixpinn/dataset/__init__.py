@@ -1,1 +1,46 @@
 """Poses, splits, generation and the store of simulations."""
+
+from mixpinn.dataset.dataset_table import DatasetTable, dataset_table
+from mixpinn.dataset.generation import generate, scene_identity
+from mixpinn.dataset.holdouts import (
+    HOLD_OUTS,
+    SampleSplit,
+    Selector,
+    beyond,
+    deeper_than,
+    hold_out,
+    lateral_to,
+    rotation_is,
+    split_samples,
+)
+from mixpinn.dataset.pose_map import draw_pose_map, save_pose_map
+from mixpinn.dataset.positions import first_touch, grid_positions, plan_poses, thin_positions
+from mixpinn.dataset.protocol import (
+    ANATOMY,
+    PAPER,
+    PROTOCOLS,
+    SMALL,
+    SOFA_REPLAY,
+    TINY,
+    Pose,
+    Protocol,
+    list_poses,
+    probe_path,
+    probe_rotation,
+    read_positions,
+)
+from mixpinn.dataset.split import Split, split_positions, split_sofa_subset
+from mixpinn.dataset.status import PoseState, PoseStatus
+from mixpinn.dataset.store import SimulationStore
+from mixpinn.dataset.summary import GenerationSummary, summarize
+from mixpinn.dataset.table import ContactRule, build_sample_table, table_of
+from mixpinn.dataset.worker import Runner, run_pose
+
+__all__ = [
+    "ANATOMY", "HOLD_OUTS", "PAPER", "PROTOCOLS", "SMALL", "SOFA_REPLAY", "TINY", "ContactRule", "DatasetTable",
+    "GenerationSummary", "Pose", "PoseState", "PoseStatus", "Protocol", "Runner", "SampleSplit", "Selector",
+    "SimulationStore", "Split", "beyond", "build_sample_table", "dataset_table", "deeper_than", "draw_pose_map",
+    "first_touch", "generate", "grid_positions", "hold_out", "lateral_to", "list_poses", "plan_poses", "probe_path",
+    "probe_rotation", "read_positions", "rotation_is", "run_pose", "save_pose_map", "scene_identity", "split_positions",
+    "split_samples", "split_sofa_subset", "summarize", "table_of", "thin_positions",
+]

@@ -90,7 +90,9 @@ def hold_out(
     """
     selector = held or HOLD_OUTS.get(name)
     if selector is None:
-        raise InputError(f"hold-out {name!r}", expected="one of " + ", ".join(HOLD_OUTS), got=name, fix="check the spelling")
+        raise InputError(
+            f"hold-out {name!r}", expected="one of " + ", ".join(HOLD_OUTS), got=name, fix="check the spelling",
+        )
     mask = selector(table)
     by_position = split_samples(table, split)
     tested = by_position.test if unseen_positions else np.arange(len(table))

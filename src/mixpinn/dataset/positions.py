@@ -54,7 +54,8 @@ def cast_rays(
 
 def _centred_ticks(low: float, high: float, spacing: float) -> FloatArray:
     count = int(np.floor((high - low) / spacing + 1e-9)) + 1
-    return (low + high) / 2.0 + (np.arange(count) - (count - 1) / 2.0) * spacing
+    ticks: FloatArray = (low + high) / 2.0 + (np.arange(count, dtype=np.float64) - (count - 1) / 2.0) * spacing
+    return ticks
 
 
 def thin_positions(positions: FloatArray, count: int | None) -> FloatArray:
@@ -149,7 +150,8 @@ def first_touch(
             return offset
         travel += distance - gap
     raise InputError(
-        f"probe position {np.round(position, 1).tolist()}", expected="skin in the probe's way", got="a way that misses it",
+        f"probe position {np.round(position, 1).tolist()}", expected="skin in the probe's way",
+        got="a way that misses it",
         fix="move the position over the body",
     )
 
@@ -173,7 +175,9 @@ def plan_poses(
     return tuple(_touching(listed, protocol, mesh, probe, gap))
 
 
-def _touching(poses: tuple[Pose, ...], protocol: Protocol, mesh: TissueMesh, probe: Probe, gap: float) -> Iterator[Pose]:
+def _touching(
+    poses: tuple[Pose, ...], protocol: Protocol, mesh: TissueMesh, probe: Probe, gap: float,
+) -> Iterator[Pose]:
     for pose in track(poses, "first touch"):
         x, y, z = first_touch(
             np.array(pose.position), pose.rotation_deg, mesh=mesh, probe=probe, protocol=protocol, gap=gap,

@@ -51,7 +51,7 @@ class Protocol:
 
     def __post_init__(self) -> None:
         checks = {
-            "rotations": (len(self.rotations) > 0 and len(set(self.rotations)) == len(self.rotations), "distinct angles"),
+            "rotations": (0 < len(self.rotations) == len(set(self.rotations)), "distinct angles"),
             "step": (self.step > 0, "a positive length"),
             "steps": (self.steps >= 1, "at least 1"),
             "spacing": (self.spacing > 0, "a positive length"),
@@ -68,12 +68,12 @@ class Protocol:
     def unit_direction(self) -> FloatArray:
         """Pressing direction of length 1, shape (3,)."""
         direction = np.asarray(self.direction, dtype=np.float64)
-        return direction / np.linalg.norm(direction)
+        return np.asarray(direction / np.linalg.norm(direction), dtype=np.float64)
 
     @property
     def depths(self) -> FloatArray:
         """Depth of each step [mm], shape (steps,)."""
-        return np.arange(1, self.steps + 1) * self.step - self.approach
+        return np.arange(1, self.steps + 1, dtype=np.float64) * self.step - self.approach
 
 
 PAPER = Protocol()
@@ -135,7 +135,7 @@ def probe_rotation(rotation_deg: float, direction: Sequence[float] | FloatArray 
     cosine, sine = np.cos(angle), np.sin(angle)
     about_axis = np.array([[cosine, 0.0, sine], [0.0, 1.0, 0.0], [-sine, 0.0, cosine]])
     target = np.asarray(direction, dtype=np.float64)
-    target = target / np.linalg.norm(target)
+    target = np.asarray(target / np.linalg.norm(target), dtype=np.float64)
     c = float(PROBE_AXIS @ target)
     if c < -1.0 + 1e-12:
         return np.diag([-1.0, -1.0, 1.0]) @ about_axis

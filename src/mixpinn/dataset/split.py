@@ -35,7 +35,8 @@ class Split:
         if (counts > 1).any() or (values < 0).any():
             wrong = values[(counts > 1) | (values < 0)]
             raise InputError(
-                f"split {self.name!r}", expected="each position in one part", got=f"positions {wrong[:5].tolist()} in several",
+                f"split {self.name!r}", expected="each position in one part",
+                got=f"positions {wrong[:5].tolist()} in several",
                 fix="make the parts disjoint",
             )
 
@@ -81,7 +82,9 @@ def split_positions(
     if n < 3:
         raise InputError("split", expected="at least 3 probe positions", got=str(n), fix="simulate more positions")
     if min(ratios) <= 0.0 or abs(sum(ratios) - 1.0) > 1e-6:
-        raise InputError("split ratios", expected="three positive numbers of sum 1", got=str(ratios), fix="correct them")
+        raise InputError(
+            "split ratios", expected="three positive numbers of sum 1", got=str(ratios), fix="correct them",
+        )
     # 1e-9 keeps a share such as 0.1 · 30 from being rounded to the integer below it.
     validation, test = (max(1, int(np.floor(n * ratio + 1e-9))) for ratio in ratios[1:])
     validation = min(validation, n - 2)
@@ -102,6 +105,8 @@ def split_sofa_subset(positions: AnyArray) -> Split:
     """
     order = np.unique(np.asarray(positions, dtype=np.int64))
     if len(order) < 3:
-        raise InputError("split", expected="at least 3 probe positions", got=str(len(order)), fix="simulate more positions")
+        raise InputError(
+            "split", expected="at least 3 probe positions", got=str(len(order)), fix="simulate more positions",
+        )
     test = order[2::5]
     return Split("every-fifth", np.setdiff1d(order, test), np.empty(0, dtype=np.int64), test)

@@ -15,6 +15,11 @@ SOFT = "soft"
 """Name of the soft tissue in the values by part."""
 
 
+def part_label(name: str) -> str:
+    """Name of a part as it is shown: ``Soft tissue`` for `SOFT`, ``L1`` for ``vertebrae_L1``."""
+    return "Soft tissue" if name == SOFT else name.removeprefix("vertebrae_")
+
+
 @dataclass(frozen=True, eq=False)
 class VirtualTopology:
     """The virtual nodes and virtual edges that a model adds to the mesh of n nodes.

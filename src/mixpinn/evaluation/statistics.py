@@ -128,3 +128,10 @@ def depth_profile(evaluation: Evaluation, *, metric: str = "mee") -> DepthProfil
         depths, np.array([value.mean() for value in chosen]), median, lower, upper,
         np.array([len(value) for value in chosen]),
     )
+
+
+def typical_sample(evaluation: Evaluation) -> int:
+    """Index of the sample to show in pictures: of those at the greatest depth the one with the median error."""
+    depth, error = evaluation.about["depth"], evaluation.metrics["mee"]
+    deepest = np.flatnonzero(depth > depth.max() - 0.5)
+    return int(deepest[np.argsort(error[deepest], kind="stable")[len(deepest) // 2]])

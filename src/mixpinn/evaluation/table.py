@@ -5,6 +5,7 @@ import io
 from dataclasses import dataclass
 
 import rich.table
+from rich.markup import escape
 
 Cell = str | int | float | None
 
@@ -53,12 +54,12 @@ class Table:
 
     def rich(self) -> rich.table.Table:
         """The table for a terminal."""
-        shown = rich.table.Table(title=self.title, caption=self.note or None)
+        # Brackets are rich's markup: every text is escaped for the sake of its units.
+        shown = rich.table.Table(title=escape(self.title), caption=escape(self.note) or None)
         for heading, numeric in zip(self.columns, self.numeric(), strict=True):
-            # Brackets are rich's markup: a unit must be escaped.
-            shown.add_column(heading.replace("[", r"\["), justify="right" if numeric else "left")
+            shown.add_column(escape(heading), justify="right" if numeric else "left")
         for index, row in enumerate(self.texts()):
-            shown.add_row(*(cell.replace("[", r"\[") for cell in row), style="dim" if index in self.muted else None)
+            shown.add_row(*(escape(cell) for cell in row), style="dim" if index in self.muted else None)
         return shown
 
 

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from mixpinn.evaluation.metrics import AS_PUBLISHED
+from mixpinn.evaluation.metrics import AS_PUBLISHED, SOFT, part_label
 from mixpinn.evaluation.paper import (
     PAPER_ABLATION,
     PAPER_DATASET,
@@ -89,7 +89,8 @@ def part_table(evaluations: Sequence[Evaluation]) -> Table:
     """MEE of the soft tissue and of each rigid part, one column a model [mm]."""
     names = list(dict.fromkeys(name for evaluation in evaluations for name in evaluation.by_part))
     rows = tuple(
-        (name, *(float(e.by_part[name].mean()) if name in e.by_part else None for e in evaluations)) for name in names
+        (part_label(name), *(float(e.by_part[name].mean()) if name in e.by_part else None for e in evaluations))
+        for name in names
     )
     return Table("MEE [mm] by part", ("Part", *(e.model for e in evaluations)), rows, "Mean over samples.")
 
@@ -147,7 +148,7 @@ def ablation_table(measured: Mapping[int, Evaluation]) -> Table:
 
 def mesh_table(mesh: TissueMesh, *, with_paper: bool = False) -> Table:
     """Points and directed edges of each label; an edge belongs to a rigid part if both its ends do."""
-    names = ("Soft tissue", *mesh.rigid_names)
+    names = [part_label(name) for name in (SOFT, *mesh.rigid_names)]
     points = np.bincount(mesh.part, minlength=len(names))
     edges = 2 * np.bincount(mesh.edge_part, minlength=len(names))
     rows: list[tuple[Cell, ...]] = [(name, int(points[k]), int(edges[k])) for k, name in enumerate(names)]

@@ -15,7 +15,7 @@ from typing import Any
 import numba
 import numpy as np
 
-from mixpinn.base.arrays import AnyArray, BoolArray, FloatArray, IntArray
+from mixpinn.base.arrays import AnyArray, FloatArray, IntArray
 from mixpinn.fem.projection import negative_modes
 
 STABLE, STABLE_LOG, LINEAR = 0, 1, 2
@@ -123,7 +123,7 @@ def cell_energies(
                 density = mu[e] * square_less + 0.5 * (lam[e] + mu[e]) * growth * growth
             else:
                 m, bulk = 4.0 / 3.0 * mu[e], lam[e] + 5.0 / 6.0 * mu[e]
-                density = 0.5 * m * (shear - math.log1p(0.25 * shear)) + 0.5 * bulk * growth * growth - 0.75 * m * growth
+                density = 0.5 * m * (shear - math.log1p(0.25 * shear) - 1.5 * growth) + 0.5 * bulk * growth * growth
         out[e] = volumes[e] * density
 
 
@@ -220,8 +220,9 @@ def cell_blocks(
                 for pair in range(6):
                     a, b = LOCAL_PAIRS[pair, 0], LOCAL_PAIRS[pair, 1]
                     for i in range(3):
+                        scaled = volume * shifts[mode] * qg[a, i]
                         for j in range(3):
-                            block[pair, i, j] += volume * shifts[mode] * qg[a, i] * qg[b, j]
+                            block[pair, i, j] += scaled * qg[b, j]
 
 
 @compiled
@@ -259,13 +260,3 @@ def cell_blocks_of_tangent(
                         for m in range(3):
                             value += gradients[e, a, j] * tangent[e, 3 * i + j, 3 * k + m] * gradients[e, b, m]
                     out[e, pair, i, k] = volumes[e] * value
-
-
-def project_tangents(tangents: FloatArray) -> BoolArray:
-    """Lift negative eigenvalues of symmetric 9 × 9 tangents (m, 9, 9) to zero, in place; returns which were changed."""
-    values = np.linalg.eigvalsh(tangents)
-    indefinite: BoolArray = values[:, 0] < 0.0
-    if indefinite.any():
-        values, vectors = np.linalg.eigh(tangents[indefinite])
-        tangents[indefinite] = (vectors * np.maximum(values, 0.0)[:, None, :]) @ np.swapaxes(vectors, 1, 2)
-    return indefinite

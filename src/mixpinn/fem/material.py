@@ -108,7 +108,8 @@ class StableNeoHookean(_Lame):
         pressure = bulk * (np.linalg.det(deformation) - 1.0) - self.mu
         cofactor = _cofactor(deformation).reshape(-1, 9)
         tangent: FloatArray = (
-            self.mu * np.eye(9) + bulk * _outer(cofactor) + pressure[:, None, None] * _second_derivative_of_j(deformation)
+            self.mu * np.eye(9) + bulk * _outer(cofactor)
+            + pressure[:, None, None] * _second_derivative_of_j(deformation)
         )
         return tangent
 

@@ -1,7 +1,7 @@
-"""Analytic eigenvectors of negative curvature of isotropic energies Ψ(I_C, J): what to add to make a cell's tangent SPD.
+"""Directions of negative curvature of isotropic energies Ψ(I_C, J): what to add to make a cell's tangent SPD.
 
-With the signed singular values F = U diag(σ) Vᵀ (U, V rotations), the tangent a 1 + b F ⊗ F + c cof F ⊗ cof F + d ∂²J/∂F²
-has (Smith, de Goes & Kim 2018, section 4; Kim & Eberle 2022, chapter 7)
+With signed singular values, F = U diag(σ) Vᵀ (U, V rotations), the tangent
+a 1 + b F ⊗ F + c cof F ⊗ cof F + d ∂²J/∂F² has (Smith, de Goes & Kim 2018, section 4)
 
 - three twists U (e_j e_kᵀ − e_k e_jᵀ) Vᵀ/√2 with eigenvalue a + d σ_i,
 - three flips U (e_j e_kᵀ + e_k e_jᵀ) Vᵀ/√2 with eigenvalue a − d σ_i, (i, j, k) cyclic,
@@ -16,7 +16,7 @@ from typing import Any
 import numba
 import numpy as np
 
-from mixpinn.base.arrays import FloatArray
+from mixpinn.base.arrays import BoolArray, FloatArray
 
 _compiled: Callable[..., Any] = numba.njit(cache=True, nogil=True, fastmath={"contract"}, error_model="numpy")
 _SWEEPS = 12
@@ -32,7 +32,7 @@ def _diagonalise(matrix: FloatArray, vectors: FloatArray) -> None:
     for _ in range(_SWEEPS):
         off = matrix[0, 1] * matrix[0, 1] + matrix[0, 2] * matrix[0, 2] + matrix[1, 2] * matrix[1, 2]
         scale = matrix[0, 0] * matrix[0, 0] + matrix[1, 1] * matrix[1, 1] + matrix[2, 2] * matrix[2, 2]
-        if off <= 1e-28 * scale:
+        if off <= 1e-24 * scale:
             return
         for p in range(2):
             for q in range(p + 1, 3):
@@ -58,43 +58,40 @@ def _diagonalise(matrix: FloatArray, vectors: FloatArray) -> None:
 
 
 @_compiled
-def _signed_singular_values(f: FloatArray, u: FloatArray, v: FloatArray, work: FloatArray) -> Any:
-    """F = U diag(σ) Vᵀ with rotations U, V (columns) and σ_0 ≥ σ_1 ≥ |σ_2|, the last one negative where det F is."""
+def _right_vectors(f: FloatArray, squares: FloatArray, v: FloatArray) -> None:
+    """FᵀF = V diag(σ²) Vᵀ: σ² descending on the diagonal of `squares`, `v` a rotation."""
     for i in range(3):
         for j in range(3):
-            work[i, j] = f[0, i] * f[0, j] + f[1, i] * f[1, j] + f[2, i] * f[2, j]
-    _diagonalise(work, v)
-    # Selection of the two largest; the third column follows from the cross product, which makes V a rotation.
-    first, last = 0, 0
-    for i in range(1, 3):
-        if work[i, i] > work[first, first]:
-            first = i
-    last = (first + 1) % 3 if work[(first + 1) % 3, (first + 1) % 3] < work[(first + 2) % 3, (first + 2) % 3] else (
-        first + 2) % 3
-    middle = 3 - first - last
-    for i in range(3):
-        work[0, i], work[1, i] = v[i, first], v[i, middle]
-    for i in range(3):
-        v[i, 0], v[i, 1] = work[0, i], work[1, i]
+            squares[i, j] = f[0, i] * f[0, j] + f[1, i] * f[1, j] + f[2, i] * f[2, j]
+    _diagonalise(squares, v)
+    for p, q in ((0, 1), (0, 2), (1, 2)):
+        if squares[p, p] < squares[q, q]:
+            squares[p, p], squares[q, q] = squares[q, q], squares[p, p]
+            for i in range(3):
+                v[i, p], v[i, q] = v[i, q], v[i, p]
     _cross_column(v)
+
+
+@_compiled
+def _left_vectors(f: FloatArray, v: FloatArray, u: FloatArray) -> None:
+    """Columns u_i = F v_i/σ_i of a rotation, well defined for singular F too."""
     for i in range(3):
         u[i, 0] = f[i, 0] * v[0, 0] + f[i, 1] * v[1, 0] + f[i, 2] * v[2, 0]
         u[i, 1] = f[i, 0] * v[0, 1] + f[i, 1] * v[1, 1] + f[i, 2] * v[2, 1]
-    s0 = math.sqrt(u[0, 0] * u[0, 0] + u[1, 0] * u[1, 0] + u[2, 0] * u[2, 0])
-    if s0 == 0.0:
+    largest = math.sqrt(u[0, 0] * u[0, 0] + u[1, 0] * u[1, 0] + u[2, 0] * u[2, 0])
+    if largest == 0.0:
         u[:, :] = v
-        return 0.0, 0.0, 0.0
+        return
     for i in range(3):
-        u[i, 0] /= s0
+        u[i, 0] /= largest
     along = u[0, 0] * u[0, 1] + u[1, 0] * u[1, 1] + u[2, 0] * u[2, 1]
     for i in range(3):
         u[i, 1] -= along * u[i, 0]
-    s1 = math.sqrt(u[0, 1] * u[0, 1] + u[1, 1] * u[1, 1] + u[2, 1] * u[2, 1])
-    if s1 > 1e-12 * s0:
+    second = math.sqrt(u[0, 1] * u[0, 1] + u[1, 1] * u[1, 1] + u[2, 1] * u[2, 1])
+    if second > 1e-12 * largest:
         for i in range(3):
-            u[i, 1] /= s1
+            u[i, 1] /= second
     else:  # F of rank one: any direction across the first will do
-        s1 = 0.0
         axis = 0
         for i in range(1, 3):
             if abs(u[i, 0]) < abs(u[axis, 0]):
@@ -104,10 +101,14 @@ def _signed_singular_values(f: FloatArray, u: FloatArray, v: FloatArray, work: F
         for i in range(3):
             u[i, 1] = ((1.0 if i == axis else 0.0) - along * u[i, 0]) / norm
     _cross_column(u)
-    s2 = 0.0
-    for i in range(3):
-        s2 += u[i, 2] * (f[i, 0] * v[0, 2] + f[i, 1] * v[1, 2] + f[i, 2] * v[2, 2])
-    return s0, s1, s2
+
+
+@_compiled
+def _determinant(f: FloatArray) -> float:
+    return (
+        f[0, 0] * (f[1, 1] * f[2, 2] - f[1, 2] * f[2, 1]) - f[0, 1] * (f[1, 0] * f[2, 2] - f[1, 2] * f[2, 0])
+        + f[0, 2] * (f[1, 0] * f[2, 1] - f[1, 1] * f[2, 0])
+    )
 
 
 @_compiled
@@ -135,10 +136,26 @@ def negative_modes(
         How many there are.
     """
     u, v, small, rotation = work[1], work[2], work[3], work[4]
-    s0, s1, s2 = _signed_singular_values(f, u, v, work[0])
+    _right_vectors(f, work[0], v)
     sigma, area = work[5, 0], work[5, 1]
-    sigma[0], sigma[1], sigma[2] = s0, s1, s2
-    area[0], area[1], area[2] = s1 * s2, s0 * s2, s0 * s1
+    for i in range(3):
+        sigma[i] = math.sqrt(max(work[0, i, i], 0.0))
+    if _determinant(f) < 0.0:
+        sigma[2] = -sigma[2]
+    area[0], area[1], area[2] = sigma[1] * sigma[2], sigma[0] * sigma[2], sigma[0] * sigma[1]
+    for i in range(3):
+        for j in range(3):
+            small[i, j] = b * sigma[i] * sigma[j] + c * area[i] * area[j]
+            small[i, j] += a if i == j else d * sigma[3 - i - j]
+    minor = small[0, 0] * small[1, 1] - small[0, 1] * small[0, 1]
+    determinant = (
+        small[2, 2] * minor - small[0, 0] * small[1, 2] * small[1, 2] - small[1, 1] * small[0, 2] * small[0, 2]
+        + 2.0 * small[0, 1] * small[0, 2] * small[1, 2]
+    )
+    scaling_positive = small[0, 0] > 0.0 and minor > 0.0 and determinant > 0.0
+    if scaling_positive and a >= abs(d) * sigma[0]:
+        return 0
+    _left_vectors(f, v, u)
     count = 0
     for i in range(3):
         j, k = (i + 1) % 3, (i + 2) % 3
@@ -152,16 +169,7 @@ def negative_modes(
                         )
                 shifts[count] = -value
                 count += 1
-    for i in range(3):
-        for j in range(3):
-            small[i, j] = b * sigma[i] * sigma[j] + c * area[i] * area[j]
-            small[i, j] += a if i == j else d * sigma[3 - i - j]
-    minor = small[0, 0] * small[1, 1] - small[0, 1] * small[0, 1]
-    determinant = (
-        small[2, 2] * minor - small[0, 0] * small[1, 2] * small[1, 2] - small[1, 1] * small[0, 2] * small[0, 2]
-        + 2.0 * small[0, 1] * small[0, 2] * small[1, 2]
-    )
-    if small[0, 0] > 0.0 and minor > 0.0 and determinant > 0.0:
+    if scaling_positive:
         return count
     _diagonalise(small, rotation)
     for mode in range(3):
@@ -176,13 +184,11 @@ def negative_modes(
             count += 1
     return count
 
-
-def eigenvalues_of_tangent(f: FloatArray, a: float, b: float, c: float, d: float) -> FloatArray:
-    """The nine eigenvalues of one cell's tangent by the formulas above, ascending, shape (9,) [N/mm²]."""
-    u, _, vt = np.linalg.svd(f)
-    sigma = np.linalg.svd(f, compute_uv=False)
-    sigma[2] *= np.sign(np.linalg.det(u @ vt))
-    area = np.prod(sigma) / sigma
-    coupling = np.array([[0.0, sigma[2], sigma[1]], [sigma[2], 0.0, sigma[0]], [sigma[1], sigma[0], 0.0]])
-    scaling = a * np.eye(3) + b * np.outer(sigma, sigma) + c * np.outer(area, area) + d * coupling
-    return np.sort(np.concatenate([a + d * sigma, a - d * sigma, np.linalg.eigvalsh(scaling)]))
+def project_tangents(tangents: FloatArray) -> BoolArray:
+    """Lift negative eigenvalues of symmetric 9 × 9 tangents (m, 9, 9) to zero, in place; returns which were changed."""
+    values = np.linalg.eigvalsh(tangents)
+    indefinite: BoolArray = values[:, 0] < 0.0
+    if indefinite.any():
+        values, vectors = np.linalg.eigh(tangents[indefinite])
+        tangents[indefinite] = (vectors * np.maximum(values, 0.0)[:, None, :]) @ np.swapaxes(vectors, 1, 2)
+    return indefinite

@@ -116,7 +116,8 @@ class PoseSimulator:
 
 def increment_between(system: ElasticSystem, start: State, end: State) -> FloatArray:
     """The reduced increment that takes `start` to `end`, shape (n_dofs,); inverse of `ElasticSystem.advance`."""
-    soft = (end.points - start.points)[system.free_nodes].ravel()
+    free = (system.mesh.part == 0) & ~system.mesh.fixed
+    soft = (end.points - start.points)[free].ravel()
     turn = Rotation.from_matrix(end.rotation @ start.rotation.transpose(0, 2, 1)).as_rotvec() if len(end.rotation) else (
         np.empty((0, 3))
     )

@@ -13,8 +13,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from mixpinn.base.arrays import BoolArray, FloatArray
+from mixpinn.base.arrays import BoolArray, FloatArray, IntArray
 from mixpinn.fem.contact import ContactForces, ContactModel, FrictionFrame, ProbePose
+from mixpinn.fem.contact_surface import SkinSurface
 from mixpinn.fem.linear import LinearSolver, default_solver
 from mixpinn.fem.system import ElasticSystem, State
 
@@ -107,6 +108,7 @@ class QuasiStaticSolver:
         self.system, self.contact, self.config = system, contact, config
         self.linear = linear or default_solver(config.threads)
         self.held = held
+        self._residual_scale = _residual_scale(system)
         self.effort = Effort()
         self._factorized = False
 
@@ -135,24 +137,7 @@ class QuasiStaticSolver:
         blocks = None
         if at.contact is not None and len(at.contact.first):
             assert self.contact is not None
-            skin = self.contact.skin
-            width = skin.nodes.shape[1]
-            pairs = [(i, j) for i in range(width) for j in range(width)]
-            contact = at.contact
-            if width == 1:
-                blocks = (skin.nodes[contact.first, 0], skin.nodes[contact.second, 0], contact.blocks)
-            else:
-                # A block between two vertices spreads over the nodes behind them; off-diagonal vertex blocks stand
-                # for both orders, of which only pairs i ≤ j of nodes are kept.
-                first, second, values = [], [], []
-                for i, j in pairs:
-                    a, b = skin.nodes[contact.first, i], skin.nodes[contact.second, j]
-                    scale = skin.weights[contact.first, i] * skin.weights[contact.second, j]
-                    for u, v, keep in ((a, b, a <= b), (b, a, (b <= a) & (contact.first != contact.second))):
-                        first.append(u[keep])
-                        second.append(v[keep])
-                        values.append((scale[:, None, None] * contact.blocks)[keep])
-                blocks = (np.concatenate(first), np.concatenate(second), np.concatenate(values))
+            blocks = _on_nodes(self.contact.skin, at.contact)
         matrix = self.system.tangent(
             at.state, nodal_gradient=at.internal + at.external, blocks=blocks, held=self.held, project=True,
         )
@@ -175,7 +160,7 @@ class QuasiStaticSolver:
 
     def relative_residual(self, balance: Balance) -> float:
         """Norm of the residual relative to the contact forces; moments count by the arm of the rigid part."""
-        return float(np.linalg.norm(balance.residual * self.system.residual_scale)) / self.scale(balance)
+        return float(np.linalg.norm(balance.residual * self._residual_scale)) / self.scale(balance)
 
     def solve(self, state: State, pose: ProbePose | None, frame: FrictionFrame | None) -> StepSolution:
         """Find equilibrium from the starting guess `state` with the probe at `pose`.
@@ -252,6 +237,36 @@ class QuasiStaticSolver:
                 fraction = 0.3
             length = low + fraction * (high - low)
         return best if best_slope < abs(descent) else None
+
+
+def _residual_scale(system: ElasticSystem) -> FloatArray:
+    """Factors that turn the residual into forces: a moment counts by the arm of its rigid part, shape (n_dofs,)."""
+    mesh = system.mesh
+    scale = np.ones(system.n_dofs)
+    for k in range(mesh.n_parts):
+        points = mesh.points[mesh.part_nodes(k + 1)]
+        arm = np.sqrt(((points - points.mean(axis=0)) ** 2).sum(axis=1).mean())
+        scale[system.n_dofs - 6 * mesh.n_parts + 6 * k + 3 :][:3] = 1.0 / max(float(arm), 1e-9)
+    return scale
+
+
+def _on_nodes(skin: SkinSurface, contact: ContactForces) -> tuple[IntArray, IntArray, FloatArray]:
+    """Stiffness between skin vertices as stiffness between the mesh nodes behind them, each pair of nodes once."""
+    if skin.nodes.shape[1] == 1:
+        return skin.nodes[contact.first, 0], skin.nodes[contact.second, 0], contact.blocks
+    parts = []
+    same = contact.first == contact.second
+    for i in range(skin.nodes.shape[1]):
+        for j in range(skin.nodes.shape[1]):
+            first, second = skin.nodes[contact.first, i], skin.nodes[contact.second, j]
+            scale = skin.weights[contact.first, i] * skin.weights[contact.second, j]
+            # A vertex's own block is symmetric in (i, j): half of the off-diagonal pairs stand for all.
+            keep = (~same | (i <= j)) & (scale != 0.0)
+            # Two vertices that share a node: block and transpose fall on the same diagonal.
+            scale = np.where(~same & (first == second), 2.0 * scale, scale)
+            parts.append((first[keep], second[keep], (scale[:, None, None] * contact.blocks)[keep]))
+    first, second, blocks = (np.concatenate(column) for column in zip(*parts, strict=True))
+    return first, second, blocks
 
 
 class _Bfgs:

@@ -1,6 +1,6 @@
 """Compiled loops of fused graph attention.
 
-Arrays of one sample: n nodes, h heads, c channels a head, w = h · c, s slots. `state` holds for each node and head the
+Arrays of one sample: n nodes, h heads, c channels a head, s slots; fields of the nodes have shape (n, h, c). `state` holds for each node and head the
 source score, the target score, the maximum and the sum of the softmax, shape (n, 4, h). Loops run in parallel over
 chunks of nodes; each node is summed in a fixed order and each chunk has its own sums, so that the number of threads
 does not change a result.
@@ -20,7 +20,7 @@ SLOPE = np.float32(0.2)
 
 @njit(parallel=True, fastmath=True, cache=True)
 def node_scores(x: Float32Array, att_src: Float32Array, att_dst: Float32Array, chunks: IntArray, state: Float32Array) -> None:
-    """Scores a_sᵀ Θ xᵢ and a_dᵀ Θ xᵢ of each node and head into `state`; x has shape (n, h, c)."""
+    """Scores a_sᵀ Θ xᵢ and a_dᵀ Θ xᵢ of each node and head into `state`."""
     heads, channels = att_src.shape
     for chunk in prange(len(chunks) - 1):
         for i in range(chunks[chunk], chunks[chunk + 1]):
@@ -45,14 +45,14 @@ def aggregate(
     x: Float32Array, state: Float32Array, score: Float32Array, has_score: bool, offsets: IntArray, sources: AnyArray,
     chunks: IntArray, bias: Float32Array, relu: bool, out: Float32Array,
 ) -> None:
-    """out_i = Σⱼ αᵢⱼ xⱼ + bias, ReLU if asked; maxima and sums of the softmax into `state`; x has shape (n, w)."""
-    heads = state.shape[2]
-    channels = x.shape[1] // heads
+    """out_i = Σⱼ αᵢⱼ xⱼ + bias, ReLU if asked; maxima and sums of the softmax into `state`."""
+    _, heads, channels = x.shape
     for chunk in prange(len(chunks) - 1):
-        longest = 4
+        longest = 0
         for i in range(chunks[chunk], chunks[chunk + 1]):
             longest = max(longest, offsets[i + 1] - offsets[i])
-        weight = np.empty((heads, longest), np.float32)
+        weight = np.empty(longest, np.float32)
+        total = np.empty(channels, np.float32)
         for i in range(chunks[chunk], chunks[chunk + 1]):
             start, count = offsets[i], offsets[i + 1] - offsets[i]
             for h in range(heads):
@@ -62,39 +62,34 @@ def aggregate(
                     logit = target + state[sources[start + k], 0, h]
                     if has_score:
                         logit += score[start + k, h]
-                    logit = _leaky(logit)
-                    weight[h, k] = logit
-                    highest = max(highest, logit)
-                total = np.float32(0.0)
+                    weight[k] = _leaky(logit)
+                    highest = max(highest, weight[k])
+                divisor = np.float32(0.0)
                 for k in range(count):
-                    value = np.float32(math.exp(weight[h, k] - highest))
-                    weight[h, k] = value
-                    total += value
-                inverse = np.float32(1.0) / total
-                for k in range(count):
-                    weight[h, k] *= inverse
+                    weight[k] = np.float32(math.exp(weight[k] - highest))
+                    divisor += weight[k]
                 state[i, 2, h] = highest
-                state[i, 3, h] = total
-            row = out[i]
-            row[:] = bias
-            # Four sources at a time: the row is read and written once for four products.
-            whole = count - count % 4
-            for k in range(0, whole, 4):
-                first, second = x[sources[start + k]], x[sources[start + k + 1]]
-                third, fourth = x[sources[start + k + 2]], x[sources[start + k + 3]]
-                for h in range(heads):
-                    a, b, c, d = weight[h, k], weight[h, k + 1], weight[h, k + 2], weight[h, k + 3]
-                    for m in range(h * channels, (h + 1) * channels):
-                        row[m] += a * first[m] + b * second[m] + c * third[m] + d * fourth[m]
-            for k in range(whole, count):
-                first = x[sources[start + k]]
-                for h in range(heads):
-                    a = weight[h, k]
-                    for m in range(h * channels, (h + 1) * channels):
-                        row[m] += a * first[m]
-            if relu:
-                for m in range(len(row)):
-                    row[m] = max(row[m], np.float32(0.0))
+                state[i, 3, h] = divisor
+                for c in range(channels):
+                    total[c] = np.float32(0.0)
+                # Four sources at a time: the total is read and written once for four products.
+                whole = count - count % 4
+                for k in range(start, start + whole, 4):
+                    x0, x1, x2, x3 = x[sources[k], h], x[sources[k + 1], h], x[sources[k + 2], h], x[sources[k + 3], h]
+                    w0, w1, w2, w3 = (
+                        weight[k - start], weight[k - start + 1], weight[k - start + 2], weight[k - start + 3],
+                    )
+                    for c in range(channels):
+                        total[c] += w0 * x0[c] + w1 * x1[c] + w2 * x2[c] + w3 * x3[c]
+                for k in range(whole, count):
+                    x0 = x[sources[start + k], h]
+                    w0 = weight[k]
+                    for c in range(channels):
+                        total[c] += w0 * x0[c]
+                inverse = np.float32(1.0) / divisor
+                floor = np.float32(0.0) if relu else np.float32(-np.inf)
+                for c in range(channels):
+                    out[i, h, c] = max(total[c] * inverse + bias[h, c], floor)
 
 
 @njit(parallel=True, fastmath=True, cache=True)
@@ -106,20 +101,18 @@ def mask_gradient(
 
     Where ReLU cut, gᵢ is zero, so that the output minus the bias is the weighted sum wherever it counts.
     """
-    heads = expected.shape[1]
-    channels = grad.shape[1] // heads
+    _, heads, channels = grad.shape
     for chunk in prange(len(chunks) - 1):
-        total = sums[chunk, 0]
         for i in range(chunks[chunk], chunks[chunk + 1]):
             for h in range(heads):
+                total, own, value = sums[chunk, 0, h], out[i, h], grad[i, h]
+                kept, shift = masked[i, h], bias[h]
                 product = np.float32(0.0)
-                for m in range(h * channels, (h + 1) * channels):
-                    value = grad[i, m]
-                    if relu and out[i, m] <= np.float32(0.0):
-                        value = np.float32(0.0)
-                    masked[i, m] = value
-                    total[m] += value
-                    product += value * (out[i, m] - bias[m])
+                for c in range(channels):
+                    passed = value[c] if own[c] > np.float32(0.0) or not relu else np.float32(0.0)
+                    kept[c] = passed
+                    total[c] += passed
+                    product += passed * (own[c] - shift[c])
                 expected[i, h] = product
 
 
@@ -135,64 +128,58 @@ def gather_gradient(
     the targets of j are its sources, and the slot of i ← j is the reverse of that of j ← i. Each gᵢ is read once for
     both the product and the sum.
     """
-    heads = state.shape[2]
-    channels = x.shape[1] // heads
+    _, heads, channels = x.shape
     for chunk in prange(len(chunks) - 1):
-        longest = 4
+        longest = 0
         for j in range(chunks[chunk], chunks[chunk + 1]):
             longest = max(longest, offsets[j + 1] - offsets[j])
-        weight = np.empty((heads, longest), np.float32)
-        slope = np.empty((heads, longest), np.float32)
+        weight = np.empty(longest, np.float32)
+        slope = np.empty(longest, np.float32)
+        product = np.empty(longest, np.float32)
+        total = np.empty(channels, np.float32)
         for j in range(chunks[chunk], chunks[chunk + 1]):
             start, count = offsets[j], offsets[j + 1] - offsets[j]
-            own, row = x[j], grad_x[j]
-            row[:] = np.float32(0.0)
+            whole = count - count % 4
             for h in range(heads):
-                source = state[j, 0, h]
+                own, source = x[j, h], state[j, 0, h]
                 for k in range(count):
                     i = sources[start + k]
                     logit = source + state[i, 1, h]
                     if has_score:
                         logit += score[reverse[start + k], h]
-                    slope[h, k] = np.float32(1.0) if logit > np.float32(0.0) else SLOPE
-                    weight[h, k] = np.float32(math.exp(_leaky(logit) - state[i, 2, h])) / state[i, 3, h]
-            for h in range(heads):
-                total = np.float32(0.0)
-                whole = count - count % 4
+                    slope[k] = np.float32(1.0) if logit > np.float32(0.0) else SLOPE
+                    weight[k] = np.float32(math.exp(slope[k] * logit - state[i, 2, h])) / state[i, 3, h]
+                for c in range(channels):
+                    total[c] = np.float32(0.0)
                 for k in range(0, whole, 4):
-                    i0, i1 = sources[start + k], sources[start + k + 1]
-                    i2, i3 = sources[start + k + 2], sources[start + k + 3]
-                    first, second, third, fourth = masked[i0], masked[i1], masked[i2], masked[i3]
-                    a, b, c, d = weight[h, k], weight[h, k + 1], weight[h, k + 2], weight[h, k + 3]
-                    p = q = r = s = np.float32(0.0)
-                    for m in range(h * channels, (h + 1) * channels):
-                        value = own[m]
-                        p += first[m] * value
-                        q += second[m] * value
-                        r += third[m] * value
-                        s += fourth[m] * value
-                        row[m] += a * first[m] + b * second[m] + c * third[m] + d * fourth[m]
-                    p = a * (p - expected[i0, h]) * slope[h, k]
-                    q = b * (q - expected[i1, h]) * slope[h, k + 1]
-                    r = c * (r - expected[i2, h]) * slope[h, k + 2]
-                    s = d * (s - expected[i3, h]) * slope[h, k + 3]
-                    grad_logit[reverse[start + k], h] = p
-                    grad_logit[reverse[start + k + 1], h] = q
-                    grad_logit[reverse[start + k + 2], h] = r
-                    grad_logit[reverse[start + k + 3], h] = s
-                    total += p + q + r + s
+                    g0, g1 = masked[sources[start + k], h], masked[sources[start + k + 1], h]
+                    g2, g3 = masked[sources[start + k + 2], h], masked[sources[start + k + 3], h]
+                    w0, w1, w2, w3 = weight[k], weight[k + 1], weight[k + 2], weight[k + 3]
+                    p0 = p1 = p2 = p3 = np.float32(0.0)
+                    for c in range(channels):
+                        p0 += g0[c] * own[c]
+                        p1 += g1[c] * own[c]
+                        p2 += g2[c] * own[c]
+                        p3 += g3[c] * own[c]
+                        total[c] += w0 * g0[c] + w1 * g1[c] + w2 * g2[c] + w3 * g3[c]
+                    product[k], product[k + 1], product[k + 2], product[k + 3] = p0, p1, p2, p3
                 for k in range(whole, count):
-                    i = sources[start + k]
-                    first = masked[i]
-                    a = weight[h, k]
-                    p = np.float32(0.0)
-                    for m in range(h * channels, (h + 1) * channels):
-                        p += first[m] * own[m]
-                        row[m] += a * first[m]
-                    p = a * (p - expected[i, h]) * slope[h, k]
-                    grad_logit[reverse[start + k], h] = p
-                    total += p
-                grad_src[j, h] = total
+                    g0 = masked[sources[start + k], h]
+                    w0 = weight[k]
+                    p0 = np.float32(0.0)
+                    for c in range(channels):
+                        p0 += g0[c] * own[c]
+                        total[c] += w0 * g0[c]
+                    product[k] = p0
+                summed = np.float32(0.0)
+                for k in range(count):
+                    value = weight[k] * (product[k] - expected[sources[start + k], h]) * slope[k]
+                    grad_logit[reverse[start + k], h] = value
+                    summed += value
+                grad_src[j, h] = summed
+                row = grad_x[j, h]
+                for c in range(channels):
+                    row[c] = total[c]
 
 
 @njit(parallel=True, fastmath=True, cache=True)
@@ -202,10 +189,8 @@ def finish_gradient(
     sums: Float32Array,
 ) -> None:
     """Add what flows through the two scores of each node; sums for `att_src` and `att_dst` into ``sums[:, 1:]``."""
-    heads = grad_src.shape[1]
-    channels = x.shape[1] // heads
+    _, heads, channels = x.shape
     for chunk in prange(len(chunks) - 1):
-        total_src, total_dst = sums[chunk, 1], sums[chunk, 2]
         for i in range(chunks[chunk], chunks[chunk + 1]):
             for h in range(heads):
                 target = np.float32(0.0)
@@ -214,10 +199,9 @@ def finish_gradient(
                     if has_score:
                         grad_score[slot, h] += grad_logit[slot, h]
                 source = grad_src[i, h]
-                for m in range(h * channels, (h + 1) * channels):
-                    value = x[i, m]
-                    grad_x[i, m] += source * att_src[m] + target * att_dst[m]
-                    total_src[m] += source * value
-                    total_dst[m] += target * value
-
-
+                total_src, total_dst, own, row = sums[chunk, 1, h], sums[chunk, 2, h], x[i, h], grad_x[i, h]
+                towards_src, towards_dst = att_src[h], att_dst[h]
+                for c in range(channels):
+                    row[c] += source * towards_src[c] + target * towards_dst[c]
+                    total_src[c] += source * own[c]
+                    total_dst[c] += target * own[c]

@@ -1,19 +1,17 @@
 """Model folders: a trained network with its configuration, its mesh and how it was trained."""
 
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
-
-from torch import nn
 
 from mixpinn.base.config import build_config
 from mixpinn.base.errors import InputError
 from mixpinn.base.files import read_json, write_json
 from mixpinn.base.rundir import versions
 from mixpinn.graph import MeshGraph
-from mixpinn.models.build import build_graph_for, build_model
-from mixpinn.models.config import ModelConfig
+from mixpinn.models.config import MODELS, ModelConfig
+from mixpinn.models.displacement_model import DisplacementModel, build_graph_for, build_model
 from mixpinn.models.tensor_file import read_tensors, write_tensors
 from mixpinn.records import TissueMesh
 
@@ -22,7 +20,7 @@ _FORMAT = 1
 
 
 def save_checkpoint(
-    folder: Path | str, model: nn.Module, config: ModelConfig, mesh: TissueMesh, *,
+    folder: Path | str, model: DisplacementModel, config: ModelConfig, mesh: TissueMesh, *,
     training: Mapping[str, Any] | None = None,
 ) -> None:
     """Write a model folder: ``weights.safetensors``, ``model.json`` and ``mesh.vtu``, each atomically.
@@ -71,7 +69,7 @@ def read_description(folder: Path | str) -> dict[str, Any]:
 
 def load_checkpoint(
     folder: Path | str, *, mesh: TissueMesh | None = None,
-) -> tuple[nn.Module, MeshGraph, ModelConfig]:
+) -> tuple[DisplacementModel, MeshGraph, ModelConfig]:
     """Read a model folder. Nothing in it is executed: JSON, safetensors and VTU hold data only.
 
     Args:
@@ -106,3 +104,12 @@ def load_checkpoint(
             got=str(error).partition("\n")[2].strip() or str(error), fix="copy or train the model again",
         ) from error
     return model.eval(), graph, config
+
+
+def model_name(config: ModelConfig) -> str | None:
+    """Name in `MODELS` of the first model like `config`; depth, width and scaling do not matter. None without one."""
+    own = ("layers", "hidden", "scaling")
+    return next((
+        name for name, listed in MODELS.items()
+        if replace(config, **{setting: getattr(listed, setting) for setting in own}) == listed
+    ), None)

@@ -37,11 +37,6 @@ def _array(tensor: Tensor) -> Float32Array:
     return np.asarray(tensor.detach().contiguous().numpy())
 
 
-def _empty(*shape: int) -> tuple[Tensor, Float32Array]:
-    tensor = torch.empty(shape)
-    return tensor, np.asarray(tensor.numpy())
-
-
 class _FusedAttention(torch.autograd.Function):
     """Forward keeps Θ x, the output, and per node and head two scores, the maximum and the sum of the softmax."""
 
@@ -57,15 +52,13 @@ class _FusedAttention(torch.autograd.Function):
         out = torch.empty_like(x)
         # Per node and head: a_sᵀ Θ x, a_dᵀ Θ x, maximum and sum of the softmax.
         state = torch.empty(batch, n_nodes, 4, heads)
-        bias_array = np.zeros(heads * channels, np.float32) if bias is None else _array(bias)
-        has_score = slot_score is not None
-        score = np.zeros((1, heads), np.float32) if slot_score is None else _array(slot_score)
-        for x_b, out_b, state_b in zip(_array(x), _array(out), _array(state), strict=True):
-            shape = (n_nodes, heads, channels)
-            kernels.node_scores(x_b.reshape(shape), _array(att_src), _array(att_dst), topology.chunks, state_b)
+        shift, score = _shift_and_score(bias, slot_score, heads, channels)
+        shape = (batch, n_nodes, heads, channels)
+        for x_b, out_b, state_b in zip(_array(x).reshape(shape), _array(out).reshape(shape), _array(state), strict=True):
+            kernels.node_scores(x_b, _array(att_src), _array(att_dst), topology.chunks, state_b)
             kernels.aggregate(
-                x_b, state_b, score, has_score, topology.offsets, topology.sources, topology.chunks, bias_array, relu,
-                out_b,
+                x_b, state_b, score, slot_score is not None, topology.offsets, topology.sources, topology.chunks, shift,
+                relu, out_b,
             )
         ctx.save_for_backward(x, att_src, att_dst, slot_score, bias, out, state)
         ctx.topology, ctx.relu = topology, relu
@@ -78,39 +71,43 @@ class _FusedAttention(torch.autograd.Function):
         x, att_src, att_dst, slot_score, bias, out, state = ctx.saved_tensors
         topology: AttentionTopology = ctx.topology
         heads, channels = att_src.shape
-        batch, n_nodes, width = x.shape
-        n_chunks = len(topology.chunks) - 1
-        bias_array = np.zeros(width, np.float32) if bias is None else _array(bias)
+        batch, n_nodes, _ = x.shape
         has_score = slot_score is not None
-        score = np.zeros((1, heads), np.float32) if slot_score is None else _array(slot_score)
-        grad_x, grad_x_array = _empty(batch, n_nodes, width)
+        shift, score = _shift_and_score(bias, slot_score, heads, channels)
+        grad_x = torch.empty_like(x)
         grad_score = np.zeros((topology.n_slots if has_score else 1, heads), np.float32)
-        # Reused by every sample of the batch: the gradient behind ReLU, per-slot scores, per-chunk sums.
-        masked = np.empty((n_nodes, width), np.float32)
+        # Reused by every sample of the batch: the gradient behind ReLU, per-slot and per-node terms, per-chunk sums.
+        masked = np.empty((n_nodes, heads, channels), np.float32)
         grad_logit = np.empty((topology.n_slots, heads), np.float32)
         grad_src = np.empty((n_nodes, heads), np.float32)
         expected = np.empty((n_nodes, heads), np.float32)
-        sums = np.zeros((n_chunks, 3, width), np.float32)
-        src, dst = _array(att_src).ravel(), _array(att_dst).ravel()
+        sums = np.zeros((len(topology.chunks) - 1, 3, heads, channels), np.float32)
+        shape = (batch, n_nodes, heads, channels)
         for x_b, out_b, state_b, grad_b, grad_x_b in zip(
-            _array(x), _array(out), _array(state), _array(grad_out), grad_x_array, strict=True,
+            _array(x).reshape(shape), _array(out).reshape(shape), _array(state), _array(grad_out).reshape(shape),
+            _array(grad_x).reshape(shape), strict=True,
         ):
-            kernels.mask_gradient(
-                grad_b, out_b, bias_array, ctx.relu, topology.chunks, masked, expected, sums,
-            )
+            kernels.mask_gradient(grad_b, out_b, shift, ctx.relu, topology.chunks, masked, expected, sums)
             kernels.gather_gradient(
                 x_b, masked, state_b, expected, score, has_score, topology.offsets, topology.sources,
                 topology.reverse, topology.chunks, grad_x_b, grad_logit, grad_src,
             )
             kernels.finish_gradient(
-                x_b, src, dst, grad_logit, grad_src, topology.offsets, topology.chunks, has_score, grad_x_b,
-                grad_score, sums,
+                x_b, _array(att_src), _array(att_dst), grad_logit, grad_src, topology.offsets, topology.chunks,
+                has_score, grad_x_b, grad_score, sums,
             )
-        total = torch.from_numpy(sums.sum(axis=0))
+        grad_bias, grad_att_src, grad_att_dst = torch.from_numpy(sums.sum(axis=0))
         return (
-            grad_x, total[1].view(heads, channels), total[2].view(heads, channels),
-            torch.from_numpy(grad_score) if has_score else None, None if bias is None else total[0], None, None,
+            grad_x, grad_att_src, grad_att_dst, torch.from_numpy(grad_score) if has_score else None,
+            None if bias is None else grad_bias.flatten(), None, None,
         )
+
+
+def _shift_and_score(
+    bias: Tensor | None, slot_score: Tensor | None, heads: int, channels: int,
+) -> tuple[Float32Array, Float32Array]:
+    shift = np.zeros((heads, channels), np.float32) if bias is None else _array(bias).reshape(heads, channels)
+    return shift, np.zeros((1, heads), np.float32) if slot_score is None else _array(slot_score)
 
 
 def _share_threads() -> None:

@@ -20,7 +20,7 @@ def _checksum(tensors: Mapping[str, torch.Tensor], about: str) -> str:
     for name in sorted(tensors):
         tensor = tensors[name]
         digest.update(f"{name}{tensor.dtype}{tuple(tensor.shape)}".encode())
-        digest.update(tensor.reshape(-1).view(torch.uint8).numpy())
+        digest.update(tensor.reshape(-1).view(torch.uint8).numpy().data)
     return digest.hexdigest()
 
 
@@ -30,7 +30,9 @@ def write_tensors(path: Path | str, tensors: Mapping[str, torch.Tensor], *, abou
     One file for both: tensors and the text that belongs to them can never be of two different moments.
     """
     # Copies on the CPU: safetensors refuses tensors that share memory or are not contiguous.
-    plain = {name: tensor.detach().cpu().clone(memory_format=torch.contiguous_format) for name, tensor in tensors.items()}
+    plain = {
+        name: tensor.detach().cpu().clone(memory_format=torch.contiguous_format) for name, tensor in tensors.items()
+    }
     text = json.dumps(about)
     with atomic_path(path) as temporary:
         save_file(plain, str(temporary), metadata={"about": text, _CHECKSUM: _checksum(plain, text)})

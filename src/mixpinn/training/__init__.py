@@ -1,1 +1,13 @@
-"""The training loop and its checkpoints."""
+"""The training loop."""
+
+from mixpinn.training.batches import Batch, batches, contact_fields
+from mixpinn.training.config import PAPER_TRAINING, PHYSGNN_TRAINING, TrainConfig
+from mixpinn.training.history import EpochRecord, TrainingResult, read_history
+from mixpinn.training.loop import train
+from mixpinn.training.schedule import Schedule
+from mixpinn.training.stage import train_stage
+
+__all__ = [
+    "PAPER_TRAINING", "PHYSGNN_TRAINING", "Batch", "EpochRecord", "Schedule", "TrainConfig", "TrainingResult",
+    "batches", "contact_fields", "read_history", "train", "train_stage",
+]

@@ -9,7 +9,6 @@ import torch
 from torch import Tensor
 
 from mixpinn.base.arrays import AnyArray
-from mixpinn.base.errors import InputError
 from mixpinn.graph import MeshGraph, virtual_targets
 from mixpinn.records import SampleTable
 
@@ -67,9 +66,8 @@ def batches(
         processes: their number.
 
     Raises:
-        InputError: the table is of another mesh, or empty.
+        InputError: the table is of another mesh.
     """
-    check_table(table, graph)
     order = epoch_order(len(table), generator)
     for start in range(0, len(order), batch_size):
         whole = order[start: start + batch_size]
@@ -81,14 +79,3 @@ def batches(
             contact_fields(table, present).to(torch.float32), virtual_targets(graph, target),
             weight=len(share) * processes / len(whole), n_samples=len(share),
         )
-
-
-def check_table(table: SampleTable, graph: MeshGraph) -> None:
-    """Raise `InputError` unless `table` holds samples of the mesh of `graph`."""
-    if table.mesh_hash != graph.mesh_hash:
-        raise InputError(
-            "samples", expected=f"samples of mesh {graph.mesh_hash}", got=f"samples of mesh {table.mesh_hash}",
-            fix="train on the mesh that was simulated",
-        )
-    if len(table) == 0:
-        raise InputError("samples", expected="at least one sample", got="none", fix="simulate more poses")

@@ -10,7 +10,7 @@ import torch
 from torch import Tensor, nn
 
 from mixpinn.base.errors import InputError
-from mixpinn.models.tensor_file import read_tensors, write_tensors
+from mixpinn.models import read_tensors, write_tensors
 from mixpinn.training.history import EpochRecord
 
 STATE_FILE = "state.safetensors"
@@ -23,7 +23,9 @@ def epoch_seed(seed: int, epoch: int, *stream: int) -> int:
     Deriving it from (seed, epoch) instead of carrying a generator's state along makes an epoch the same whether
     the run was interrupted before it or not.
     """
-    return int(np.random.SeedSequence([seed, epoch, *stream]).generate_state(1, np.uint64)[0] >> np.uint64(1))
+    # The length comes first, since SeedSequence takes trailing zeros for nothing.
+    sequence = np.random.SeedSequence([len(stream), seed, epoch, *stream])
+    return int(sequence.generate_state(1, np.uint64)[0] >> np.uint64(1))
 
 
 def save_state(
@@ -62,13 +64,19 @@ def load_state(
             str(path), expected="the state of this run", got="the state of a run with another model, mesh or setting",
             fix="choose another output folder or delete this one",
         )
-    module.load_state_dict(_under(tensors, _MODEL))
     moments: dict[int, dict[str, Tensor]] = {}
     for key, tensor in _under(tensors, _OPTIMIZER).items():
         index, _, name = key.partition(".")
         moments.setdefault(int(index), {})[name] = tensor
-    optimizer.load_state_dict({"state": moments, "param_groups": optimizer.state_dict()["param_groups"]})
-    return [EpochRecord(**record) for record in about["history"]]
+    try:
+        module.load_state_dict(_under(tensors, _MODEL))
+        optimizer.load_state_dict({"state": moments, "param_groups": optimizer.state_dict()["param_groups"]})
+        return [EpochRecord(**record) for record in about["history"]]
+    except (RuntimeError, ValueError, KeyError, TypeError) as error:
+        raise InputError(
+            str(path), expected="the state of this version's network", got=str(error).replace("\n", " "),
+            fix="delete the folder and train again",
+        ) from error
 
 
 def _under(tensors: Mapping[str, Tensor], prefix: str) -> dict[str, Tensor]:

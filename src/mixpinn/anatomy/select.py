@@ -1,0 +1,111 @@
+"""Choosing structures: which is the body, which files of a folder are meant, each in one role."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from mixpinn.anatomy.names import BODY_NAMES, is_lumbar, unknown_structure
+from mixpinn.base.errors import InputError
+
+_SUFFIXES = (".nii.gz", ".nii")
+
+
+@dataclass(frozen=True)
+class FolderSelection:
+    """The files of a folder that an anatomy is made of.
+
+    Attributes:
+        body: the body's file.
+        soft: file of each further soft tissue, by name.
+        rigid: file of each rigid part, by name.
+    """
+
+    body: Path
+    soft: Mapping[str, Path]
+    rigid: Mapping[str, Path]
+
+    def files(self) -> dict[str, Path]:
+        """Every file by the name of its structure."""
+        return {structure_name(self.body): self.body, **self.soft, **self.rigid}
+
+
+def select_files(
+    folder: Path | str, *, body: Path | str | None = None, rigid: Sequence[str] | None = None, soft: Sequence[str] = (),
+) -> FolderSelection:
+    """Choose the files of a folder; see `read_folder`.
+
+    Raises:
+        InputError: no such folder, no body, no rigid part, or a name that is not there.
+    """
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise InputError(str(folder), expected="a folder with one NIfTI a structure", got="no such folder",
+                         fix="check the path")
+    found = {structure_name(path): path for path in sorted(folder.iterdir()) if path.name.endswith(_SUFFIXES)}
+    where = f"the folder {folder}"
+    body_path = _body_file(folder, found, body)
+    if rigid is None:
+        rigid = [name for name in found if is_lumbar(name)]
+        if not rigid:
+            raise InputError(
+                str(folder), expected="lumbar vertebrae (vertebrae_L1.nii.gz …)",
+                got=f"only {', '.join(found) or 'no NIfTI file'}", fix="name the rigid parts",
+            )
+    check_roles(structure_name(body_path), soft, rigid)
+    for name in (*soft, *rigid):
+        if name not in found:
+            raise unknown_structure(name, found, where=where)
+    return FolderSelection(body_path, {name: found[name] for name in soft}, {name: found[name] for name in rigid})
+
+
+def find_body(names: Iterable[str]) -> list[str]:
+    """Candidates for the body, best first; several where only ``body_trunc_*`` is there more than once."""
+    names = sorted(names)
+    trunks = [name for name in names if name.startswith(BODY_NAMES[0] + "_")]
+    for name in BODY_NAMES:
+        if name in names:
+            return [name]
+        if name == BODY_NAMES[0] and trunks:
+            return trunks
+    return []
+
+
+def check_roles(body: str, soft: Sequence[str], rigid: Sequence[str]) -> None:
+    """Check that there is a rigid part and that each structure is chosen once.
+
+    Raises:
+        InputError: otherwise, or where there are more structures than a label map can hold.
+    """
+    names = [body, *soft, *rigid]
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(name, expected="each structure in one role", got="a structure chosen twice",
+                             fix="name it once, as body, soft tissue or rigid part")
+    if not rigid:
+        raise InputError("rigid parts", expected="at least one", got="none", fix="name at least one structure")
+    if len(names) > 255:
+        raise InputError("structures", expected="at most 255", got=str(len(names)), fix="choose fewer")
+
+
+def structure_name(path: Path) -> str:
+    """Name of the structure in a file: the file's name without ``.nii`` or ``.nii.gz``."""
+    return path.name.removesuffix(".gz").removesuffix(".nii")
+
+
+def _body_file(folder: Path, found: Mapping[str, Path], body: Path | str | None) -> Path:
+    if body is not None:
+        if str(body) in found:
+            return found[str(body)]
+        if Path(body).is_file():
+            return Path(body)
+        raise unknown_structure(str(body), found, where=f"the folder {folder} or a file")
+    candidates = find_body(found)
+    if len(candidates) == 1:
+        return found[candidates[0]]
+    if candidates:
+        raise InputError(str(folder), expected="one body", got=", ".join(candidates), fix="say which is the body")
+    raise InputError(
+        str(folder), expected="a body (" + ", ".join(f"{name}.nii.gz" for name in BODY_NAMES) + ")",
+        got=f"only {', '.join(found) or 'no NIfTI file'}",
+        fix="add it (TotalSegmentator's task 'body') or name the body",
+    )

@@ -1,0 +1,154 @@
+"""The anatomy stage: from a source of label maps to a checked label map in the world frame."""
+
+import contextlib
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from mixpinn.anatomy.check import Finding, check, require_sound
+from mixpinn.anatomy.crop import CROP_ABOVE, CROP_BELOW, crop, place_in_frame
+from mixpinn.anatomy.phantom import PhantomConfig, phantom_segmentation
+from mixpinn.anatomy.picture import draw_label_map
+from mixpinn.anatomy.read import read_folder, read_multilabel
+from mixpinn.anatomy.repair import repair
+from mixpinn.anatomy.segmentation import Segmentation
+from mixpinn.anatomy.select import select_files
+from mixpinn.base.errors import InputError
+from mixpinn.base.files import read_json, write_json
+from mixpinn.base.rundir import RECORD, finish_run, is_finished, start_run
+from mixpinn.records.label_map import LabelMap
+
+LABELS_FILE, FINDINGS_FILE, PICTURE_FILE = "labels.nii.gz", "findings.json", "labels.png"
+
+
+@dataclass(frozen=True)
+class AnatomyConfig:
+    """Where an anatomy comes from and what is made of it.
+
+    Attributes:
+        source: "folder" (one NIfTI a structure), "multilabel" (one NIfTI) or "phantom".
+        path: the folder or file.
+        names: JSON name table of a multi-label image; by default TotalSegmentator's task "total".
+        body: name of the body, or a file; by default found by name.
+        rigid: names of the rigid parts; by default every lumbar vertebra there is.
+        soft: names of further soft tissues.
+        crop_above, crop_below: margins of the crop about the rigid parts [mm].
+        repair: whether to mend what the label check finds.
+        phantom: dimensions of the phantom.
+        seed: of the phantom's variation; without it the phantom is exactly as configured.
+    """
+
+    source: Literal["folder", "multilabel", "phantom"] = "phantom"
+    path: str | None = None
+    names: str | None = None
+    body: str | None = None
+    rigid: tuple[str, ...] | None = None
+    soft: tuple[str, ...] = ()
+    crop_above: float = CROP_ABOVE
+    crop_below: float = CROP_BELOW
+    repair: bool = False
+    phantom: PhantomConfig = field(default_factory=PhantomConfig)
+    seed: int | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class AnatomyResult:
+    """What the stage makes.
+
+    Attributes:
+        label_map: the anatomy.
+        findings: of the label check; after a repair what was mended and what is left.
+    """
+
+    label_map: LabelMap
+    findings: tuple[Finding, ...]
+
+
+def make_anatomy(config: AnatomyConfig, *, out: Path | str | None = None) -> AnatomyResult:
+    """Read or build an anatomy, crop it, check it, repair it on request, and place it in the world frame.
+
+    Args:
+        config: source and settings.
+        out: run directory for ``labels.nii.gz`` and ``.json``, ``findings.json`` and ``labels.png``; nothing is
+            written without it, nor when the input is bad. A finished run of the same inputs is loaded.
+
+    Raises:
+        InputError: the input is not usable, or has errors that were not repaired.
+    """
+    inputs = _inputs(config)
+    if out is None:
+        return _compute(config)
+    out = Path(out)
+    if (out / RECORD).exists():
+        start_run(out, "anatomy", config, inputs=inputs, seed=config.seed)
+        if is_finished(out):
+            with contextlib.suppress(InputError):  # a file that has since been lost or damaged is made anew
+                return _load(out)
+        result = _compute(config)
+    else:
+        result = _compute(config)
+        start_run(out, "anatomy", config, inputs=inputs, seed=config.seed)
+    result.label_map.save(out / LABELS_FILE)
+    write_json(out / FINDINGS_FILE, [asdict(finding) for finding in result.findings])
+    draw_label_map(result.label_map, out / PICTURE_FILE, findings=result.findings)
+    finish_run(out, _summary(result))
+    return result
+
+
+def _load(out: Path) -> AnatomyResult:
+    findings = tuple(Finding(**entry) for entry in read_json(out / FINDINGS_FILE))
+    return AnatomyResult(LabelMap.load(out / LABELS_FILE), findings)
+
+
+def _path(config: AnatomyConfig) -> str:
+    if config.path is None:
+        raise InputError("path", expected=f"the path of the {config.source}", got="none", fix="give it")
+    return config.path
+
+
+def _inputs(config: AnatomyConfig) -> Mapping[str, Path | str]:
+    """The files that the result depends on, by structure."""
+    if config.source == "folder":
+        return select_files(_path(config), body=config.body, rigid=config.rigid, soft=config.soft).files()
+    if config.source == "multilabel":
+        files = {"labels": _path(config), "names": config.names, "body": config.body}
+        return {key: path for key, path in files.items() if path is not None and Path(path).is_file()}
+    return {}
+
+
+def _read(config: AnatomyConfig) -> Segmentation:
+    if config.source == "folder":
+        return read_folder(_path(config), body=config.body, rigid=config.rigid, soft=config.soft)
+    if config.source == "multilabel":
+        return read_multilabel(
+            _path(config), names=config.names, body=config.body, rigid=config.rigid, soft=config.soft,
+        )
+    return phantom_segmentation(
+        config.phantom, rng=None if config.seed is None else np.random.default_rng(config.seed),
+    )
+
+
+def _compute(config: AnatomyConfig) -> AnatomyResult:
+    source = _read(config)
+    segmentation = crop(source, above=config.crop_above, below=config.crop_below)
+    findings = check(segmentation)
+    if config.repair:
+        mended, repairs = repair(segmentation)
+        # Islands may have widened the crop: it is taken anew, and what is left is looked for in what is kept.
+        segmentation = crop(mended, above=config.crop_above, below=config.crop_below)
+        findings = (*repairs, *check(segmentation))
+    require_sound(findings)
+    return AnatomyResult(place_in_frame(segmentation), findings)
+
+
+def _summary(result: AnatomyResult) -> dict[str, object]:
+    label_map = result.label_map
+    counts = np.bincount(label_map.labels.ravel(), minlength=len(label_map.names) + 1)
+    return {
+        "hash": label_map.hash(), "shape": label_map.labels.shape,
+        "voxels": {name: int(counts[label]) for label, name in enumerate(label_map.names, start=1)},
+        "findings": [str(finding) for finding in result.findings],
+    }

@@ -1,0 +1,68 @@
+"""Dask pool: the same poses on the workers of a Dask scheduler, on any number of machines."""
+
+from collections.abc import Generator, Sequence
+from typing import Any
+
+from mixpinn.base.errors import InputError
+from mixpinn.dataset.local_pool import MAX_ATTEMPTS, Event
+from mixpinn.dataset.protocol import Pose
+from mixpinn.dataset.store import SimulationStore
+from mixpinn.dataset.worker import Runner, run_pose
+
+
+def _hold(scene: Any) -> Any:
+    """The scene as the result of a task: unlike scattered data, Dask makes it again when its holder dies."""
+    return scene
+
+
+def run_dask(
+    store: SimulationStore, scene: Any, runner: Runner, poses: Sequence[Pose], *, scheduler: str,
+) -> Generator[Event, None, None]:
+    """Simulate `poses` on the workers of the scheduler at `scheduler`; yield each when it is finished.
+
+    The store's folder must be visible to all workers under the same path. Workers need one thread each
+    (``dask worker --nthreads 1 --nworkers N``), since a process computes one pose at a time; Dask's nanny pins
+    OMP_NUM_THREADS and MKL_NUM_THREADS to 1 by itself. A worker that dies costs its pose in flight, which Dask
+    hands to another one; finished poses are in the store already.
+
+    Raises:
+        InputError: Dask is not installed, the scheduler does not answer, or workers of several threads.
+    """
+    try:
+        from distributed import Client, as_completed
+    except ImportError as error:
+        raise InputError(
+            "--scheduler", expected="the package dask[distributed]", got="it is not installed",
+            fix="pip install 'mixpinn[distributed]'",
+        ) from error
+    try:
+        client = Client(scheduler, timeout="20s", set_as_default=False)
+    except (OSError, ValueError, TimeoutError) as error:
+        raise InputError(
+            f"--scheduler {scheduler}", expected="the address of a running Dask scheduler",
+            got=str(error) or repr(error),
+            fix="start one with 'dask scheduler' and give the address that it prints",
+        ) from error
+    with client:
+        threaded = [name for name, count in client.nthreads().items() if count > 1]
+        if threaded:
+            raise InputError(
+                f"--scheduler {scheduler}", expected="workers of one thread", got=f"{len(threaded)} workers of several",
+                fix="start them with 'dask worker --nthreads 1'",
+            )
+        held = client.submit(_hold, scene, pure=False)
+        by_key = {pose.name: pose for pose in poses}
+        futures = [
+            client.submit(run_pose, store, held, runner, pose, key=f"{store.folder}:{pose.name}", pure=False, retries=1)
+            for pose in poses
+        ]
+        for future in as_completed(futures, loop=client.loop):
+            pose = by_key[str(future.key).rsplit(":", 1)[-1]]
+            if future.status == "finished":
+                yield Event(pose, future.result())
+            else:
+                cause = future.exception()
+                if isinstance(cause, InputError):
+                    raise cause
+                yield Event(pose, store.fail(pose, f"{type(cause).__name__}: {cause}", attempts=MAX_ATTEMPTS))
+            future.release()

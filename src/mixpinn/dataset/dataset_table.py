@@ -1,0 +1,57 @@
+"""Dataset table: positions, poses and samples of each part of a split, as in the paper."""
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+
+from mixpinn.base.files import read_json, write_json
+from mixpinn.dataset.split import Split
+from mixpinn.records import SampleTable
+
+COLUMNS = ("train", "validation", "test", "total")
+
+
+@dataclass(frozen=True)
+class DatasetTable:
+    """Counts of train, validation, test and all.
+
+    Attributes:
+        split: name of the split.
+        positions, poses, samples: four numbers each, for `COLUMNS`. A position or pose counts if it has a sample.
+    """
+
+    split: str
+    positions: tuple[int, int, int, int]
+    poses: tuple[int, int, int, int]
+    samples: tuple[int, int, int, int]
+
+    def markdown(self) -> str:
+        """The table in Markdown."""
+        rows = {"Probe position": self.positions, "Probe pose": self.poses, "Generated sample": self.samples}
+        lines = ["| | Train | Validation | Test | Total |", "| --- | ---: | ---: | ---: | ---: |"]
+        lines += [f"| {name} | " + " | ".join(f"{count:,}" for count in counts) + " |" for name, counts in rows.items()]
+        return "\n".join(lines) + "\n"
+
+    def save(self, path: Path | str) -> None:
+        """Write as JSON."""
+        write_json(path, asdict(self))
+
+    @staticmethod
+    def load(path: Path | str) -> "DatasetTable":
+        """Read what `save` wrote."""
+        values = read_json(path)
+        return DatasetTable(
+            values["split"], tuple(values["positions"]), tuple(values["poses"]), tuple(values["samples"]),
+        )
+
+
+def dataset_table(table: SampleTable, split: Split) -> DatasetTable:
+    """Count positions, poses and samples in each part of `split`; the total leaves out what is in no part."""
+    keys = np.column_stack([table.position_index, np.round(table.rotation_deg * 1000.0)])
+    counts = []
+    for part in (*split.parts.values(), np.concatenate(list(split.parts.values()))):
+        chosen = keys[np.isin(table.position_index, part)]
+        counts.append((len(np.unique(chosen[:, 0])), len(np.unique(chosen, axis=0)), len(chosen)))
+    positions, poses, samples = zip(*counts, strict=True)
+    return DatasetTable(split.name, positions, poses, samples)

@@ -1,0 +1,243 @@
+"""Store: the simulations of one mesh, one Zarr group a pose, so that writers never share a file."""
+
+import shutil
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mixpinn.base.arrays import FloatArray
+from mixpinn.base.errors import InputError
+from mixpinn.base.files import hash_arrays, read_json, write_json
+from mixpinn.dataset.protocol import Pose, Protocol
+from mixpinn.dataset.status import PoseState, PoseStatus, content_hash, folder_sizes, status_of
+from mixpinn.records import Simulation, TissueMesh
+
+RECORD = "store.json"
+MESH = "mesh.vtu"
+STATUS = "status"
+
+
+@dataclass(frozen=True, eq=False)
+class SimulationStore:
+    """A folder of simulations::
+
+        store.json              mesh hash, protocol, positions, poses, scene
+        mesh.vtu                the mesh
+        pose_PPP_RRR/           one `Simulation`
+        status/pose_PPP_RRR.json
+        summary.json            totals, see `mixpinn.dataset.summarize`
+
+    A pose counts as done when its status says so, which is written after its data; the status carries the size of
+    each file and a hash of the arrays, so that a truncated or altered group is found out and simulated again.
+
+    Attributes:
+        folder: where it lies.
+        mesh_hash: `TissueMesh.hash` of the only mesh whose simulations it takes.
+        protocol: how the poses were made.
+        positions: listed probe positions [mm], shape (p, 3).
+        poses: all that belong to it, in order.
+        scene: what else the results depend on (materials, contact, solver, probe), plain values.
+    """
+
+    folder: Path
+    mesh_hash: str
+    protocol: Protocol
+    positions: FloatArray
+    poses: tuple[Pose, ...]
+    scene: Mapping[str, Any]
+
+    @staticmethod
+    def create(
+        folder: Path | str, mesh: TissueMesh, *, protocol: Protocol, positions: FloatArray, poses: tuple[Pose, ...],
+        scene: Mapping[str, Any] | None = None,
+    ) -> "SimulationStore":
+        """Begin a store, or go on with the one that lies there if it was begun with the same settings.
+
+        Raises:
+            InputError: the folder holds a store of another mesh or with other settings, or two poses of one name.
+        """
+        folder = Path(folder)
+        names = [pose.name for pose in poses]
+        if len(set(names)) < len(names):
+            raise InputError(
+                str(folder), expected="poses of different names", got="two of one name", fix="drop one of them",
+            )
+        store = SimulationStore(
+            folder, mesh.hash(), protocol, np.asarray(positions, dtype=np.float64), tuple(poses), dict(scene or {}),
+        )
+        record = store._record()
+        if (folder / RECORD).exists():
+            before = read_json(folder / RECORD)
+            changed = [key for key, value in record.items() if before.get(key) != value]
+            if changed:
+                raise InputError(
+                    str(folder), expected="an empty folder or a store begun with the same settings",
+                    got=f"a store with other {', '.join(changed)}",
+                    fix="choose another folder or delete this one",
+                )
+            return store
+        mesh.save(folder / MESH)
+        write_json(folder / RECORD, record)
+        return store
+
+    @staticmethod
+    def open(folder: Path | str, *, mesh: TissueMesh | None = None) -> "SimulationStore":
+        """Open an existing store.
+
+        Args:
+            folder: where it lies.
+            mesh: refuse a store of any other mesh.
+
+        Raises:
+            InputError: no store, a damaged one, or one of another mesh.
+        """
+        folder = Path(folder)
+        if not (folder / RECORD).is_file():
+            raise InputError(
+                str(folder), expected=f"a store of simulations ({RECORD})", got="none",
+                fix="run 'mixpinn simulate' first",
+            )
+        record = read_json(folder / RECORD)
+        try:
+            settings = record["protocol"]
+            protocol = Protocol(**{
+                **settings, "rotations": tuple(settings["rotations"]), "direction": tuple(settings["direction"]),
+            })
+            poses = tuple(
+                Pose(int(pose["position_index"]), tuple(pose["position"]), float(pose["rotation_deg"]))
+                for pose in record["poses"]
+            )
+            store = SimulationStore(
+                folder, str(record["mesh_hash"]), protocol,
+                np.array(record["positions"], dtype=np.float64).reshape(-1, 3), poses, record["scene"],
+            )
+        except (KeyError, TypeError, ValueError) as error:
+            raise InputError(
+                str(folder / RECORD), expected="the record of a store", got=repr(error),
+                fix="simulate into a new folder",
+            ) from error
+        if mesh is not None and mesh.hash() != store.mesh_hash:
+            raise InputError(
+                str(folder), expected=f"simulations of the mesh {mesh.hash()}", got=f"those of {store.mesh_hash}",
+                fix="use the mesh that the store was made with (its mesh.vtu)",
+            )
+        return store
+
+    @property
+    def scene_hash(self) -> str:
+        """Identity of all settings that the results depend on."""
+        text = repr(sorted(self._record().items())).encode()
+        return hash_arrays(np.frombuffer(text, dtype=np.uint8))
+
+    def mesh(self) -> TissueMesh:
+        """The mesh of the store.
+
+        Raises:
+            InputError: absent or altered.
+        """
+        mesh = TissueMesh.load(self.folder / MESH)
+        if mesh.hash() != self.mesh_hash:
+            raise InputError(
+                str(self.folder / MESH), expected=f"the mesh {self.mesh_hash}", got=f"the mesh {mesh.hash()}",
+                fix="put the mesh of the simulations back",
+            )
+        return mesh
+
+    def pose_folder(self, pose: Pose) -> Path:
+        """Where the pose's group lies."""
+        return self.folder / pose.name
+
+    def status(self, pose: Pose) -> PoseStatus:
+        """What became of `pose`; a group that is incomplete or altered in size counts as missing."""
+        path = self.folder / STATUS / f"{pose.name}.json"
+        if not path.is_file():
+            return PoseStatus(pose.name, PoseState.MISSING, reason="not simulated")
+        try:
+            status = PoseStatus.load(path)
+        except InputError as error:
+            return PoseStatus(pose.name, PoseState.MISSING, reason=f"damaged status: {error.got}")
+        if status.state is PoseState.DONE and folder_sizes(self.pose_folder(pose)) != status.files:
+            return PoseStatus(pose.name, PoseState.MISSING, reason="damaged: files absent or truncated")
+        return status
+
+    def statuses(self) -> list[PoseStatus]:
+        """Status of every pose, in order."""
+        return [self.status(pose) for pose in self.poses]
+
+    def save(self, pose: Pose, simulation: Simulation, *, attempts: int = 1) -> PoseStatus:
+        """Store the result of a pose in place of what was there.
+
+        Raises:
+            InputError: a simulation of another mesh or pose, or no room to write.
+        """
+        same_pose = simulation.position_index == pose.position_index and simulation.rotation_deg == pose.rotation_deg
+        if simulation.mesh_hash != self.mesh_hash or not same_pose:
+            raise InputError(
+                str(self.pose_folder(pose)), expected=f"{pose.name} on the mesh {self.mesh_hash}",
+                got=f"position {simulation.position_index} at {simulation.rotation_deg}° on {simulation.mesh_hash}",
+                fix="use a store of its own for each mesh",
+            )
+        self.discard(pose)
+        simulation.save(self.pose_folder(pose))
+        status = status_of(pose.name, simulation, folder=self.pose_folder(pose), attempts=attempts)
+        status.save(self.folder / STATUS / f"{pose.name}.json")
+        return status
+
+    def fail(self, pose: Pose, reason: str, *, attempts: int = 1) -> PoseStatus:
+        """Record that a pose has no result, and why."""
+        self.discard(pose)
+        status = PoseStatus(pose.name, PoseState.FAILED, reason=reason, attempts=attempts)
+        status.save(self.folder / STATUS / f"{pose.name}.json")
+        return status
+
+    def discard(self, pose: Pose) -> None:
+        """Delete what is stored of a pose, status first, so that no moment shows a status without its data."""
+        (self.folder / STATUS / f"{pose.name}.json").unlink(missing_ok=True)
+        shutil.rmtree(self.pose_folder(pose), ignore_errors=True)
+
+    def clear_unfinished(self) -> None:
+        """Delete temporary files that killed writers left; only while nothing writes."""
+        for folder in (self.folder, self.folder / STATUS):
+            for left in folder.glob(".writing-*"):
+                shutil.rmtree(left, ignore_errors=True)
+
+    def load(self, pose: Pose) -> Simulation:
+        """Read the simulation of a pose and check it against its hash.
+
+        Raises:
+            InputError: not simulated, failed, truncated or altered.
+        """
+        status = self.status(pose)
+        if status.state is not PoseState.DONE:
+            raise InputError(
+                str(self.pose_folder(pose)), expected="a finished simulation", got=f"{status.state} ({status.reason})",
+                fix="run 'mixpinn simulate' again: finished poses are kept",
+            )
+        simulation = Simulation.load(self.pose_folder(pose))
+        if content_hash(simulation) != status.content_hash or simulation.mesh_hash != self.mesh_hash:
+            raise InputError(
+                str(self.pose_folder(pose)), expected="the data that were saved", got="altered data",
+                fix="delete this folder and run 'mixpinn simulate' again: finished poses are kept",
+            )
+        return simulation
+
+    def __iter__(self) -> Iterator[Simulation]:
+        """All finished simulations in the order of the poses."""
+        for pose in self.poses:
+            if self.status(pose).state is PoseState.DONE:
+                yield self.load(pose)
+
+    def _record(self) -> dict[str, Any]:
+        """What identifies the store, as plain values that survive a round trip through JSON."""
+        return {
+            "format": "mixpinn simulations 1", "mesh_hash": self.mesh_hash,
+            "protocol": {
+                key: list(value) if isinstance(value, tuple) else value for key, value in asdict(self.protocol).items()
+            },
+            "positions": self.positions.tolist(),
+            "poses": [{**asdict(pose), "position": list(pose.position)} for pose in self.poses],
+            "scene": dict(self.scene),
+        }

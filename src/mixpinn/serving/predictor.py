@@ -1,0 +1,177 @@
+"""Predictor: load a trained model once, predict many times."""
+
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import torch
+
+from mixpinn.base.arrays import AnyArray, Float32Array
+from mixpinn.base.errors import InputError
+from mixpinn.graph import MeshGraph
+from mixpinn.models import MESH_FILE, DisplacementModel, ModelConfig, load_checkpoint, model_name
+from mixpinn.records import Prediction, TissueMesh
+
+if TYPE_CHECKING:
+    from mixpinn.evaluation import VirtualTopology
+
+
+class Predictor:
+    """A trained network on its mesh; n mesh nodes, N nodes with the virtual ones.
+
+    Attributes:
+        name: of the model, for tables.
+        config: of the network.
+        mesh: the mesh that it was trained on.
+        graph: what the network reads.
+        threads: CPU threads of a prediction; None leaves them as they are.
+        loading_seconds: how long loading and warming up took [s].
+
+    Example:
+        >>> predictor = Predictor.load("runs/model")
+        >>> predictor.predict_at([512, 513], [[0.0, -3.0, 0.0], [0.0, -2.8, 0.1]]).save("deformed.vtu")
+    """
+
+    def __init__(
+        self, model: DisplacementModel, graph: MeshGraph, config: ModelConfig, mesh: TissueMesh, *, name: str,
+        threads: int | None = None,
+    ) -> None:
+        self.name, self.config, self.mesh, self.graph, self.threads = name, config, mesh, graph, threads
+        self.loading_seconds = 0.0
+        self._model = model.eval()
+
+    @staticmethod
+    def load(
+        folder: Path | str, *, mesh: TissueMesh | None = None, threads: int | None = None, name: str | None = None,
+    ) -> "Predictor":
+        """Read a model folder and make one prediction, so that the next one is not slowed down by compilation.
+
+        Args:
+            folder: what training wrote.
+            mesh: the mesh that it is to be used on; None takes the folder's own.
+            threads: CPU threads of a prediction; None leaves them as they are.
+            name: for tables; None takes the name of the model's configuration, else the folder's.
+
+        Raises:
+            InputError: the folder is incomplete, damaged, or of another topology.
+        """
+        began = time.perf_counter()
+        if threads is not None and threads < 1:
+            raise InputError("threads", expected="at least 1", got=str(threads), fix="give a positive number")
+        if mesh is None:
+            mesh = TissueMesh.load(Path(folder) / MESH_FILE)
+        model, graph, config = load_checkpoint(folder, mesh=mesh)
+        name = name or model_name(config) or Path(folder).resolve().name
+        predictor = Predictor(model, graph, config, mesh, name=name, threads=threads)
+        predictor.predict(np.zeros((mesh.n_points, 3), dtype=np.float32))
+        predictor.loading_seconds = time.perf_counter() - began
+        return predictor
+
+    def predict(self, contact_displacement: AnyArray) -> Float32Array:
+        """Displacement of every mesh node [mm], float32, shape (n, 3).
+
+        Args:
+            contact_displacement: of the contact nodes, zero elsewhere [mm], shape (n, 3).
+
+        Raises:
+            InputError: another shape, or values that are not finite.
+        """
+        return self.predict_with_virtual(contact_displacement)[: self.graph.n_mesh_nodes]
+
+    def predict_with_virtual(self, contact_displacement: AnyArray) -> Float32Array:
+        """Displacement of mesh and virtual nodes [mm], float32, shape (N, 3); operand and errors as in `predict`."""
+        field = np.asarray(contact_displacement)
+        expected = (self.graph.n_mesh_nodes, 3)
+        if field.shape != expected or field.dtype.kind not in "fiu":
+            raise InputError(
+                "contact displacement", expected=f"numbers of shape {expected}", got=f"{field.dtype} {field.shape}",
+                fix="give one row for each node of the model's mesh",
+            )
+        field = np.array(field, dtype=np.float32)
+        if not np.isfinite(field).all():
+            raise InputError(
+                "contact displacement", expected="finite numbers", got=f"{int((~np.isfinite(field)).sum())} others",
+                fix="leave out contact nodes whose displacement is unknown",
+            )
+        if self.threads is not None and torch.get_num_threads() != self.threads:
+            torch.set_num_threads(self.threads)
+        with torch.inference_mode():
+            return self._model(torch.from_numpy(field)[None])[0].numpy()
+
+    def predict_at(
+        self, nodes: AnyArray, displacements: AnyArray, *, reference: AnyArray | None = None,
+    ) -> Prediction:
+        """Predict from a list of contact nodes.
+
+        Args:
+            nodes: ids of the contact nodes, each once, shape (c,).
+            displacements: displacement of each of them [mm], shape (c, 3).
+            reference: what is to be predicted, if known [mm], shape (n, 3).
+
+        Raises:
+            InputError: unknown or repeated nodes, another shape, or values that are not finite.
+        """
+        field = contact_field(nodes, displacements, n_nodes=self.graph.n_mesh_nodes)
+        return Prediction(self.mesh, self.predict(field), reference, self.name)
+
+    @property
+    def virtual(self) -> "VirtualTopology | None":
+        """The virtual nodes and edges of the model's graph, for the metrics ``as published``; None without any."""
+        graph = self.graph
+        if graph.n_edges == graph.n_mesh_edges:
+            return None
+        # Imported here: predicting needs no metrics.
+        from mixpinn.evaluation import VirtualTopology
+
+        added = graph.edge_index[:, graph.n_mesh_edges:]
+        once = added[:, added[0] < added[1]]
+        return VirtualTopology(
+            points=graph.position[graph.n_mesh_nodes:].numpy(), part=graph.virtual_node_part.numpy(),
+            edges=once.T.numpy(),
+        )
+
+
+def contact_field(nodes: AnyArray, displacements: AnyArray, *, n_nodes: int) -> Float32Array:
+    """Spread a list of contact nodes over the mesh: their displacement, zero elsewhere [mm], float32, shape (n, 3).
+
+    Args:
+        nodes: ids of the contact nodes, each once, shape (c,).
+        displacements: displacement of each of them [mm], shape (c, 3).
+        n_nodes: number n of mesh nodes.
+
+    Raises:
+        InputError: unknown or repeated nodes, another shape, or values that are not finite.
+    """
+    nodes, displacements = np.asarray(nodes), np.asarray(displacements)
+    if nodes.ndim != 1 or len(nodes) == 0 or nodes.dtype.kind not in "iu":
+        raise InputError(
+            "contact nodes", expected="a list of at least one node id", got=f"{nodes.dtype} of shape {nodes.shape}",
+            fix="list the ids of the mesh nodes that the probe moves",
+        )
+    if displacements.shape != (len(nodes), 3) or displacements.dtype.kind not in "fiu":
+        raise InputError(
+            "contact displacements", expected=f"numbers of shape ({len(nodes)}, 3), one row a contact node",
+            got=f"{displacements.dtype} of shape {displacements.shape}", fix="give x, y, z of each contact node [mm]",
+        )
+    unknown = nodes[(nodes < 0) | (nodes >= n_nodes)]
+    if len(unknown):
+        raise InputError(
+            "contact nodes", expected=f"ids from 0 to {n_nodes - 1}", got=f"{unknown[:5].tolist()}",
+            fix="use the node numbers of the model's mesh.vtu",
+        )
+    ids, counts = np.unique(nodes, return_counts=True)
+    if (counts > 1).any():
+        raise InputError(
+            "contact nodes", expected="each node once", got=f"{ids[counts > 1][:5].tolist()} repeatedly",
+            fix="keep one row for each node",
+        )
+    wrong = int((~np.isfinite(displacements)).sum())
+    if wrong:
+        raise InputError(
+            "contact displacements", expected="finite numbers", got=f"{wrong} others",
+            fix="leave out contact nodes whose displacement is unknown",
+        )
+    field = np.zeros((n_nodes, 3), dtype=np.float32)
+    field[nodes] = displacements
+    return field

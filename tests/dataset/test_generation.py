@@ -1,0 +1,164 @@
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+from dataset_fakes import FakeScene, block, fake_runner, short_store
+
+from mixpinn.base.errors import InputError
+from mixpinn.dataset import GenerationSummary, Pose, PoseState, SimulationStore, generate, scene_identity
+from mixpinn.dataset.local_pool import THREAD_VARIABLES, pinned_threads
+
+
+def states(store):
+    return [str(status.state) for status in store.statuses()]
+
+
+@pytest.fixture
+def log(tmp_path):
+    (tmp_path / "log").mkdir()
+    return tmp_path / "log"
+
+
+def test_results_do_not_depend_on_the_number_of_workers(tmp_path, log):
+    hashes = []
+    for workers in (1, 2):
+        scene = FakeScene(block(3), trouble={1: "raise", 2: "unconverged"})
+        store = short_store(tmp_path / str(workers), scene)
+        summary = generate(scene, store.poses, store, workers=workers, runner=fake_runner)
+        assert (summary.done, summary.failed, summary.failed_steps) == (4, 2, 4)
+        assert GenerationSummary.load(store.folder / "summary.json") == summary
+        hashes.append([status.content_hash for status in store.statuses()])
+    assert hashes[0] == hashes[1]
+    assert store.status(store.poses[2]).reason == "SolveError: no equilibrium"
+
+
+def test_dead_worker_costs_its_own_pose_one_attempt(tmp_path, log):
+    scene = FakeScene(block(3), log=log, trouble={0: "die once", 1: "die"})
+    store = short_store(tmp_path / "store", scene)
+    generate(scene, store.poses, store, workers=2, runner=fake_runner)
+    assert states(store) == ["done", "done", "failed", "failed", "done", "done"]
+    assert [store.status(pose).attempts for pose in store.poses] == [2, 2, 2, 2, 1, 1]
+    assert "died 2 times" in store.status(store.poses[2]).reason
+    assert str(-signal.SIGKILL) in store.status(store.poses[2]).reason
+    assert sorted(scene.runs()).count("pose_001_000") == 2
+
+
+def test_killed_generation_resumes_and_loses_the_pose_in_flight_only(tmp_path, log):
+    folder = tmp_path / "store"
+    code = (
+        "import sys; from pathlib import Path; from dataset_fakes import *; from mixpinn.dataset import generate\n"
+        "if __name__ == '__main__':\n"
+        "    scene = FakeScene(block(3), log=Path(sys.argv[1]), trouble={1: 'end parent'})\n"
+        "    store = short_store(Path(sys.argv[2]), scene)\n"
+        "    generate(scene, store.poses, store, runner=fake_runner)\n"
+    )
+    script = tmp_path / "killed.py"
+    script.write_text(code)
+    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parent)}
+    ended = subprocess.run([sys.executable, script, log, folder], env=environment, capture_output=True, check=False)
+    assert ended.returncode == -signal.SIGKILL
+    store = SimulationStore.open(folder)
+    assert states(store) == ["done", "done", *["missing"] * 4]
+    time.sleep(1.0)  # the orphaned worker notices at its next step that nobody listens
+    assert states(store)[2] == "missing"
+
+    scene = FakeScene(block(3), log=log)
+    store = short_store(folder, scene)
+    summary = generate(scene, store.poses, store, runner=fake_runner)
+    assert summary.done == 6
+    assert scene.runs() == [
+        "pose_000_000", "pose_000_090", "pose_001_000", "pose_001_000", "pose_001_090", "pose_002_000", "pose_002_090",
+    ]
+    assert not list(folder.glob(".writing-*"))
+
+
+def test_damaged_and_failed_poses_are_simulated_again(tmp_path, log):
+    scene = FakeScene(block(3), trouble={1: "raise"})
+    store = short_store(tmp_path / "store", scene)
+    generate(scene, store.poses, store, runner=fake_runner)
+    next(path for path in sorted(store.pose_folder(store.poses[4]).glob("displacement/c/**/*")) if path.is_file()).unlink()
+    (store.folder / ".writing-left").mkdir()
+    again = FakeScene(block(3), log=log)
+    generate(again, store.poses, store, runner=fake_runner, retry_failed=False)
+    assert again.runs() == ["pose_002_000"]
+    assert not (store.folder / ".writing-left").exists()
+    assert states(store) == ["done", "done", "failed", "failed", "done", "done"]
+    generate(again, store.poses, store, runner=fake_runner)
+    assert states(store) == ["done"] * 6
+    assert sorted(again.runs()) == ["pose_001_000", "pose_001_090", "pose_002_000"]
+
+
+def test_interrupt_stops_all_workers_and_keeps_what_is_done(tmp_path, log):
+    scene = FakeScene(block(3), log=log, pause=0.1)
+    store = short_store(tmp_path / "store", scene)
+
+    def interrupt():
+        while not any(path.name.startswith("pose_000_090") for path in log.iterdir()):
+            time.sleep(0.02)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    thread = threading.Thread(target=interrupt)
+    thread.start()
+    with pytest.raises(KeyboardInterrupt):
+        generate(scene, store.poses, store, runner=fake_runner)
+    thread.join()
+    assert states(store) == ["done", *["missing"] * 5]
+    assert GenerationSummary.load(store.folder / "summary.json").done == 1
+    import multiprocessing
+
+    assert not multiprocessing.active_children()
+
+
+def test_thread_counts_are_pinned_and_restored(monkeypatch):
+    monkeypatch.setenv("OMP_NUM_THREADS", "7")
+    monkeypatch.delenv("MKL_NUM_THREADS", raising=False)
+    with pinned_threads(2):
+        assert {os.environ[name] for name in THREAD_VARIABLES} == {"2"}
+    assert os.environ["OMP_NUM_THREADS"] == "7"
+    assert "MKL_NUM_THREADS" not in os.environ
+
+
+@dataclass(frozen=True)
+class Numerics:
+    tolerance: float = 1e-6
+    threads: int = 1
+
+
+@dataclass(frozen=True, eq=False)
+class OtherScene:
+    mesh: object
+    probe: object
+    solver: Numerics
+    table: np.ndarray
+
+
+def test_scene_identity_knows_what_matters():
+    def identity(**changes):
+        scene = FakeScene(block(3))
+        values = {"mesh": scene.mesh, "probe": scene.probe, "solver": Numerics(), "table": np.arange(3)} | changes
+        return scene_identity(OtherScene(**values))
+
+    assert identity() == identity(solver=Numerics(threads=8), mesh=block(4))
+    assert identity() != identity(solver=Numerics(tolerance=1e-5))
+    assert identity() != identity(table=np.arange(4))
+
+
+def test_bad_requests_are_refused(tmp_path):
+    scene = FakeScene(block(3))
+    store = short_store(tmp_path, scene)
+    with pytest.raises(InputError, match="workers"):
+        generate(scene, store.poses, store, workers=0, runner=fake_runner)
+    with pytest.raises(InputError, match="another folder"):
+        generate(FakeScene(block(4)), store.poses, store, runner=fake_runner)
+    with pytest.raises(InputError, match="poses of this store"):
+        generate(scene, [Pose(99, (0.0, 0.0, 0.0), 0.0)], store, runner=fake_runner)
+    with pytest.raises(InputError, match="scheduler"):
+        generate(scene, store.poses, store, runner=fake_runner, scheduler="nonsense://")
+    assert {status.state for status in store.statuses()} == {PoseState.MISSING}
