@@ -8,6 +8,7 @@ one training step adds to a fresh process that has imported everything and has r
 """
 
 import argparse
+import functools
 import json
 import os
 import statistics
@@ -24,6 +25,7 @@ from scipy.spatial import Delaunay
 from torch import Tensor, nn
 from torch_geometric.nn import GATConv
 
+from mixpinn.graph import node_input
 from mixpinn.models import MIXPINN, DisplacementModel, GATNetwork, build_graph_for, build_model, mean_euclidean_error
 from mixpinn.records import TissueMesh
 
@@ -83,8 +85,6 @@ def contact_field(model: DisplacementModel) -> Tensor:
 
 def calls(model: DisplacementModel, reference: ReferenceNetwork) -> dict[str, Callable[[], Tensor]]:
     """One forward pass of each implementation, from node features to displacement."""
-    from mixpinn.graph import node_input
-
     x = node_input(model.graph, contact_field(model))
     return {
         "fused": lambda: model.network(x, model.topology)[0],
@@ -135,9 +135,10 @@ def errors(model: DisplacementModel, reference: ReferenceNetwork) -> dict[str, f
         module.zero_grad()
     (fused * weight).sum().backward()
     (plain * weight).sum().backward()
-    pairs = [(ours.grad, theirs.grad)] + [(a.grad, b.grad) for a, b in zip(layer.parameters(), other.parameters(), strict=True)]
+    parameters = zip(layer.parameters(), other.parameters(), strict=True)
+    pairs = [(ours.grad, theirs.grad), *((a.grad, b.grad) for a, b in parameters)]
     return {
-        "max_abs_error": float((fused - plain).abs().max()),
+        "max_abs_error": float((fused - plain).detach().abs().max()),
         "max_relative_gradient_error": max(float((a - b).abs().max() / b.abs().max()) for a, b in pairs),
     }
 
@@ -192,17 +193,17 @@ def measure(mesh: TissueMesh, width: str, threads: int, repeats: int) -> dict[st
         fused, plain = forward["fused"](), forward["reference"]()
         result["network_relative_error"] = float((fused - plain).abs().max() / plain.abs().max())
         inference = alternate({**forward, "dense": dense_products(model)}, repeats)
+    modules: dict[str, nn.Module] = {"fused": model.network, "reference": reference}
     training = alternate({
-        "fused": lambda optimiser=optimiser_of(model.network): training_step(forward["fused"], optimiser),
-        "reference": lambda optimiser=optimiser_of(reference): training_step(forward["reference"], optimiser),
+        name: functools.partial(training_step, forward[name], optimiser_of(module)) for name, module in modules.items()
     }, max(3, repeats // 3))
     result |= {
         "inference_ratio": ratio(inference), "training_ratio": ratio(training),
-        "dense_share": ratio(inference, "dense", "fused"), "dense_share_reference": ratio(inference, "dense", "reference"),
+        "dense_share": ratio(inference, "dense", "fused"),
+        "dense_share_reference": ratio(inference, "dense", "reference"),
         **{f"inference_{name}_ms": 1e3 * statistics.median(values) for name, values in inference.items()},
         **{f"training_{name}_ms": 1e3 * statistics.median(values) for name, values in training.items()},
     }
-    del model, reference, forward
     megabytes = {name: memory(name, width, threads) for name in ("fused", "reference")}
     return result | {"memory_ratio": megabytes["reference"] / megabytes["fused"]} | {
         f"memory_{name}_mb": value for name, value in megabytes.items()

@@ -66,7 +66,7 @@ def test_frame_by_hand():
     centre = SCANNER[:3, :3] @ [5.5, 5.0, 9.5] + SCANNER[:3, 3]
     assert np.allclose(label_map.world_to_scanner @ [0, 0, 0, 1], [*centre, 1])
     # x = R, y = −A, z = −S.
-    assert np.allclose(label_map.world_to_scanner @ [1, 2, 3, 1], [*(centre + [1, -2, -3]), 1])
+    assert np.allclose(label_map.world_to_scanner @ [1, 2, 3, 1], [*(centre + np.array([1, -2, -3])), 1])
     assert np.allclose(label_map.affine[:3, :3], np.diag(SPACING))
     # L1 has its middle at index (5.5, 5.5, 12).
     expected = np.array([0.0, -0.5 * 2.0, -2.5 * 2.5])

@@ -47,6 +47,7 @@ def test_overlap_goes_to_the_nearer():
     assert np.array_equal(after["vertebrae_L2"], block((4, 4, 5), (7, 7, 8)))
     assert reports["overlap", "vertebrae_L1 and vertebrae_L2"].voxels == 64
     assert reports["touch", "vertebrae_L1 and vertebrae_L2"].voxels == 16
+    assert len(reports) == 2
 
 
 def test_overlap_with_soft_tissue_goes_to_the_rigid_part():

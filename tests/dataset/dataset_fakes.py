@@ -66,7 +66,8 @@ class FakeScene:
     def runs(self) -> list[str]:
         """Names of the poses that were begun, in order of time."""
         assert self.log is not None
-        return [path.name.split(".")[0] for path in sorted(self.log.iterdir(), key=lambda path: path.stat().st_mtime_ns)]
+        begun = sorted(self.log.iterdir(), key=lambda path: int(path.name.split(".")[1]))
+        return [path.name.split(".")[0] for path in begun]
 
 
 def fake_simulation(mesh: TissueMesh, path: ProbePath, *, position_index: int, rotation_deg: float) -> Simulation:
@@ -88,7 +89,8 @@ def fake_simulation(mesh: TissueMesh, path: ProbePath, *, position_index: int, r
         mesh_hash=mesh.hash(), position_index=position_index, rotation_deg=rotation_deg, path=path,
         displacement=displacement, contact_offsets=offsets, contact_nodes=np.tile(near, int(touching.sum())),
         contact_forces=forces, probe_wrench=wrench,
-        part_rotation=np.tile(np.eye(3), (steps, mesh.n_parts, 1, 1)), part_translation=np.zeros((steps, mesh.n_parts, 3)),
+        part_rotation=np.tile(np.eye(3), (steps, mesh.n_parts, 1, 1)),
+        part_translation=np.zeros((steps, mesh.n_parts, 3)),
         converged=np.ones(steps, dtype=bool), residual=np.full(steps, 1e-8) * (1 + position_index),
         iterations=np.full(steps, 3), energy=pressed**2, min_jacobian=1.0 - 0.01 * pressed,
         penetration=np.full(steps, 0.01), seconds=np.full(steps, 0.5),

@@ -4,6 +4,7 @@ from dataset_fakes import block, plate
 
 from mixpinn.base.errors import InputError
 from mixpinn.dataset import Protocol, first_touch, grid_positions, plan_poses, thin_positions
+from mixpinn.mesh import import_vtu
 from mixpinn.records import Probe
 
 DOWN = Protocol(start="touch", approach=0.0)
@@ -75,3 +76,17 @@ def test_planned_poses_begin_at_touch_or_as_listed():
     touching = plan_poses(positions, DOWN, mesh=mesh, probe=plate(), gap=2.0)
     assert [pose.rotation_deg for pose in touching] == [0.0, 45.0, 90.0, 135.0]
     assert all(pose.position[1] == pytest.approx(2.0, abs=2e-3) for pose in touching)
+
+
+def test_first_touch_foretells_the_first_loaded_step_of_recorded_poses(shared_data):
+    """SOFA's probe moves by 1 mm a step: its first step with force lies 0 to 1 mm beyond first touch."""
+    folder = shared_data / "patient1/paper"
+    mesh = import_vtu(folder / "body.vtu", fixed=folder / "fixed.txt")
+    probe = Probe.load(folder / "probe_collision.stl")
+    for name in ("pose_000_000", "pose_035_090", "pose_067_045", "pose_117_135", "pose_092_000"):
+        with np.load(shared_data / f"sofa/{name}.npz") as recording:
+            loaded = np.flatnonzero(np.abs(recording["contact_forces_mN"]).sum(axis=1) > 0.0)[0]
+            step = np.searchsorted(recording["contact_offsets"], loaded, side="right") - 1
+            tips, rotation = recording["contact_probe_position"].astype(float), float(recording["rotation_deg"])
+        touch = first_touch(tips[0], rotation, mesh=mesh, probe=probe, protocol=DOWN, gap=2.0)
+        assert 0.0 <= touch[1] - tips[step, 1] <= 1.0

@@ -63,7 +63,8 @@ def test_takes_new_values_and_new_patterns(make):
 def test_refuses_a_singular_matrix_and_solving_first(make):
     with pytest.raises(SolveError, match="no matrix"):
         make().solve(np.ones(3))
-    singular = sp.csr_matrix((np.array([1.0, 0.0, 0.0, 1.0]), np.array([0, 1, 2, 2]), np.array([0, 1, 3, 4])), shape=(3, 3))
+    values, columns, starts = np.array([1.0, 0.0, 0.0, 1.0]), np.array([0, 1, 2, 2]), np.array([0, 1, 3, 4])
+    singular = sp.csr_matrix((values, columns, starts), shape=(3, 3))
     with pytest.raises(SolveError):
         make().factorize(singular)
 

@@ -1,12 +1,9 @@
 import numpy as np
 import pytest
-from block_mesh import block
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mixpinn.base.errors import InputError
-from mixpinn.fem import kernels
-from mixpinn.fem.cells import shape_gradients
 from mixpinn.fem.material import PAPER_TISSUE, LinearElastic, StableNeoHookean, StableNeoHookeanLog
 from mixpinn.fem.rigid import rotation_from_vector
 
@@ -76,34 +73,6 @@ def test_logarithmic_energy_is_the_published_one():
         return 0.5 * (invariant - 3.0) + 0.5 * volume - 0.5 * np.log(invariant + 1.0)
 
     np.testing.assert_allclose(material.energy(f), published(f) - published(np.eye(3)[None]), rtol=1e-11, atol=1e-12)
-
-
-@pytest.mark.parametrize("material", MATERIALS, ids=repr)
-def test_compiled_kernels_agree_with_the_formulas(material):
-    mesh = block((2, 2, 2), shake=0.2)
-    cells = np.sort(mesh.cells.astype(np.int64), axis=1)
-    moved = 0.15 * np.random.default_rng(1).normal(size=mesh.points.shape)
-    gradients, volumes = shape_gradients(mesh.points, cells)
-    code = {StableNeoHookean: 0, StableNeoHookeanLog: 1, LinearElastic: 2}[type(material)]
-    m = len(cells)
-    inputs = (
-        cells, moved, gradients, volumes, np.full(m, code), np.full(m, material.mu), np.full(m, material.lam),
-    )
-    f = np.empty((m, 3, 3))
-    kernels.cell_deformations(0, m, cells, moved, gradients, f)
-    np.testing.assert_allclose(f, np.eye(3) + np.einsum("mai,maj->mij", moved[cells], gradients), atol=1e-12)
-
-    energies, forces, blocks = np.empty(m), np.empty((m, 4, 3)), np.empty((m, 6, 3, 3))
-    kernels.cell_energies(0, m, *inputs, energies)
-    np.testing.assert_allclose(energies, volumes * material.energy(f), rtol=1e-10, atol=1e-14)
-    kernels.cell_forces(0, m, *inputs, forces)
-    expected = np.einsum("m,mij,maj->mai", volumes, material.gradient(f), gradients)
-    np.testing.assert_allclose(forces, expected, atol=1e-12 * np.abs(expected).max())
-    kernels.cell_blocks(0, m, *inputs, False, blocks)
-    tangent = material.hessian(f).reshape(-1, 3, 3, 3, 3)
-    full = np.einsum("m,maj,mijkl,mbl->mabik", volumes, gradients, tangent, gradients)
-    for pair, (a, b) in enumerate(kernels.LOCAL_PAIRS):
-        np.testing.assert_allclose(blocks[:, pair], full[:, a, b], atol=1e-12 * np.abs(full).max())
 
 
 def test_youngs_modulus_gives_lame_constants():

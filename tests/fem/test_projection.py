@@ -45,6 +45,20 @@ def test_analytic_projection_equals_clamped_eigenvalues(material, case):
     np.testing.assert_allclose(found, expected[0], atol=1e-9 * scale)
 
 
+@pytest.mark.parametrize("spread", [1e-6, 1e-3, 0.1, 1.0])
+def test_projection_of_many_random_deformations(spread):
+    material = StableNeoHookean(1.0, 9.0)
+    deformations = np.eye(3) + spread * np.random.default_rng(6).normal(size=(300, 3, 3))
+    expected = material.hessian(deformations)
+    changed = project_tangents(expected)
+    assert changed.any()
+    modes, shifts, work = np.empty((9, 3, 3)), np.empty(9), np.empty((6, 3, 3))
+    for f, before, after in zip(deformations, material.hessian(deformations), expected, strict=True):
+        count = negative_modes(f, *coefficients(material, f), modes, shifts, work)
+        q = modes[:count].reshape(-1, 9)
+        np.testing.assert_allclose(before + (q.T * shifts[:count]) @ q, after, atol=1e-9 * np.abs(before).max())
+
+
 def test_positive_tangents_are_left_alone():
     tangents = np.tile(np.eye(9), (2, 1, 1))
     tangents[1, 0, 0] = -2.0

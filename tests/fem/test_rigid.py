@@ -76,4 +76,8 @@ def test_parts_carry_their_nodes():
     # Forces ±x at arms ∓y: a pure moment about z of 1·1 + 1·1.
     nodal = np.array([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [7.0, 7.0, 7.0]])
     np.testing.assert_allclose(parts.wrench(nodal, moved, shift), [[0.0, 0.0, 0.0, 0.0, 0.0, 2.0]], atol=1e-15)
-    np.testing.assert_allclose(parts.arms(moved, shift), [[0.0, -1.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 0.0]], atol=1e-15)
+    arms = [[0.0, -1.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 0.0]]
+    np.testing.assert_allclose(parts.arms(moved, shift), arms, atol=1e-15)
+    out = np.zeros((3, 3))  # δt = (0, 0, 1), δw = (0, 0, 2): δx = δt + δw × d
+    parts.expand(np.array([[0.0, 0.0, 1.0, 0.0, 0.0, 2.0]]), np.array(arms), out)
+    np.testing.assert_allclose(out, [[2.0, 0.0, 1.0], [-2.0, 0.0, 1.0], [0.0, 0.0, 0.0]], atol=1e-15)

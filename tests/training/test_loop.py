@@ -1,4 +1,4 @@
-"""The training loop: it learns, it can be interrupted anywhere, it keeps the best weights, it spreads over processes."""
+"""The training loop: it learns, survives interruption anywhere, keeps the best weights, spreads over processes."""
 
 import os
 import signal
@@ -13,8 +13,9 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from torch.multiprocessing.spawn import ProcessRaisedException
 
-from mixpinn.base.errors import InputError, SolveError
+from mixpinn.base.errors import InputError, MixpinnError, SolveError
 from mixpinn.graph import Scaling
 from mixpinn.models import ModelConfig, load_checkpoint, read_description, read_tensors
 from mixpinn.records import SampleTable, TissueMesh
@@ -49,7 +50,7 @@ def run(mesh: TissueMesh, table: SampleTable, validation: SampleTable) -> Any:
 def test_one_sample_is_learnt_by_heart(run: Any, mesh: TissueMesh, tmp_path: Path) -> None:
     sample = block_table(mesh, 1)
     config = TrainConfig(learning_rate=0.01, max_epochs=150, threads=1, decay_patience=20, stop_patience=100)
-    model = ModelConfig(layers=3, heads=2, hidden=16, virtual_nodes=True, scaling=Scaling.STANDARD)
+    model = ModelConfig(layers=2, heads=2, hidden=32, virtual_nodes=True, scaling=Scaling.STANDARD)
     result = run(tmp_path, config, model, train_on=sample, validate_on=sample)
     at_rest = np.linalg.norm(sample.displacement[0], axis=1).mean()
     assert result.best_validation_loss < 0.2 * at_rest
@@ -189,6 +190,21 @@ def test_another_runs_folder_is_refused(run: Any, tmp_path: Path) -> None:
         run(tmp_path, replace(FAST, max_epochs=1, batch_size=2))
     with pytest.raises(InputError, match="devices"):
         run(tmp_path, devices=0)
+
+
+def test_an_error_in_another_process_comes_back_as_one_line() -> None:
+    class FailingFabric:
+        def launch(self, function: object) -> None:
+            trace = "\n\n-- Process 1 terminated with the following error:\nTraceback ...\n"
+            raise ProcessRaisedException(trace + self.last, 1, 99)
+
+    fabric: Any = FailingFabric()
+    fabric.last = "mixpinn.base.errors.SolveError: training diverged in epoch 3: lower it\n"
+    with pytest.raises(MixpinnError, match=r"^training diverged in epoch 3: lower it$"):
+        loop._launch(fabric, None)  # type: ignore[arg-type]
+    fabric.last = "RuntimeError: a defect\n"
+    with pytest.raises(ProcessRaisedException):
+        loop._launch(fabric, None)  # type: ignore[arg-type]
 
 
 def test_two_processes_learn_what_one_learns(run: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

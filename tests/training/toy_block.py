@@ -14,7 +14,8 @@ def block_mesh(shift: float = 0.0) -> TissueMesh:
     """5 × 5 × 5 nodes 10 mm apart, six tetrahedra a cube; two columns of four nodes are rigid, y = 0 is fixed."""
     n = 5
     index = np.arange(n**3).reshape(n, n, n)
-    points = 10.0 * np.stack(np.meshgrid(*[np.arange(n)] * 3, indexing="ij"), axis=-1).reshape(-1, 3) + [shift, 0.0, 0.0]
+    grid = np.stack(np.meshgrid(*[np.arange(n)] * 3, indexing="ij"), axis=-1)
+    points = 10.0 * grid.reshape(-1, 3) + [shift, 0.0, 0.0]
     cells = []
     for corner in itertools.product(range(n - 1), repeat=3):
         for order in itertools.permutations(range(3)):

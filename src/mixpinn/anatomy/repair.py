@@ -36,8 +36,8 @@ def repair(segmentation: Segmentation) -> tuple[Segmentation, tuple[Finding, ...
     2. *overlap*: a voxel of two rigid parts, or of two soft tissues, goes to the one whose voxels of its own are
        nearest (millimetres between voxel centres; in a tie to the one named first); rigid wins over soft.
     3. *island*: the largest component is kept. 4. *hole*: enclosed background is filled.
-    5. *outside* and *exposed*: voxels outside the body, then those next to background by face, edge or corner, are taken
-       away from the part, so that at least one voxel of soft tissue covers it.
+    5. *outside* and *exposed*: voxels outside the body, then those next to background by face, edge or corner, are
+       taken away from the part, so that at least one voxel of soft tissue covers it.
     6. *touch*: of two rigid parts that touch, the one with more voxels gives up those adjacent to the other by face,
        edge or corner: a gap of one voxel. Pieces that this cuts off are removed like islands.
 
@@ -127,14 +127,13 @@ def _drop_islands(segmentation: Segmentation) -> Iterator[Change]:
 
 def _fill_holes(segmentation: Segmentation) -> Iterator[Change]:
     for structure in (segmentation.body, *segmentation.parts):
-        mask = filled(structure.mask)
+        holes = filled(structure.mask) & ~structure.mask
         if structure.name != segmentation.body.name:
             for other in segmentation.parts:  # what another part holds is no hole
-                if other.name != structure.name:
-                    mask &= ~other.window(*structure.box)
-        gained = int(np.count_nonzero(mask)) - structure.n_voxels
+                holes &= ~other.window(*structure.box)
+        gained = int(np.count_nonzero(holes))
         if gained:
-            segmentation = segmentation.with_part(_masked(structure, mask))
+            segmentation = segmentation.with_part(_masked(structure, structure.mask | holes))
             yield segmentation, _report("hole", structure.name, f"{gained} enclosed voxels filled", gained)
 
 

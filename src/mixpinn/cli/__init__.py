@@ -1,5 +1,28 @@
-"""The command line: one verb a stage."""
+"""The command line: one verb a stage, each a few lines that call the stage's public function."""
+
+import errno
+import sys
+
+from mixpinn.base.errors import MixpinnError
+from mixpinn.cli.app import app
+
+__all__ = ["app", "main"]
 
 
 def main() -> None:
-    """Run the command line."""
+    """Run the command line; whatever a user can mend is said in one line, with exit code 2."""
+    try:
+        sys.exit(app(standalone_mode=True) or 0)
+    except MixpinnError as error:
+        _leave(str(error), 2)
+    except OSError as error:
+        if error.errno not in (errno.ENOSPC, errno.EDQUOT, errno.EACCES, errno.EROFS):
+            raise
+        _leave(f"{error.filename or 'output'}: {error.strerror}; free some space or choose another folder", 2)
+    except KeyboardInterrupt:
+        _leave("stopped; the same command goes on from here", 130)
+
+
+def _leave(message: str, code: int) -> None:
+    print(f"mixpinn: {message}", file=sys.stderr)
+    sys.exit(code)

@@ -29,11 +29,11 @@ from mixpinn.dataset.protocol import (
     probe_rotation,
     read_positions,
 )
+from mixpinn.dataset.sample_table import ContactRule, build_sample_table, table_of
 from mixpinn.dataset.split import Split, split_positions, split_sofa_subset
 from mixpinn.dataset.status import PoseState, PoseStatus
 from mixpinn.dataset.store import SimulationStore
 from mixpinn.dataset.summary import GenerationSummary, summarize
-from mixpinn.dataset.table import ContactRule, build_sample_table, table_of
 from mixpinn.dataset.worker import Runner, run_pose
 
 __all__ = [

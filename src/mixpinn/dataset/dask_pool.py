@@ -1,6 +1,7 @@
 """Dask pool: the same poses on the workers of a Dask scheduler, on any number of machines."""
 
 from collections.abc import Generator, Sequence
+from dataclasses import replace
 from typing import Any
 
 from mixpinn.base.errors import InputError
@@ -43,6 +44,8 @@ def run_dask(
             got=str(error) or repr(error),
             fix="start one with 'dask scheduler' and give the address that it prints",
         ) from error
+    # Workers have working directories of their own.
+    store = replace(store, folder=store.folder.resolve())
     with client:
         threaded = [name for name, count in client.nthreads().items() if count > 1]
         if threaded:

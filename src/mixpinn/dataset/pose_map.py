@@ -1,16 +1,20 @@
 """Pose map: a picture of the grid of poses, coloured by what became of each."""
 
+from __future__ import annotations
+
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 
 from mixpinn.base.files import atomic_path
 from mixpinn.dataset.positions import plane_axes
 from mixpinn.dataset.protocol import probe_rotation
 from mixpinn.dataset.status import PoseState, PoseStatus
 from mixpinn.dataset.store import SimulationStore
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 COLOURS = {
     "done": "#2a7f4f", "done, some steps failed": "#e0a030", "done, no contact": "#7f9fc0", "failed": "#b02a30",
@@ -29,6 +33,10 @@ def pose_colour_key(status: PoseStatus) -> str:
 
 def draw_pose_map(store: SimulationStore) -> Figure:
     """One panel a rotation: each position as seen along the pressing direction, a bar along the probe's long side."""
+    # Imported here: every worker process imports this package, and none of them draws.
+    from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
+
     direction = store.protocol.unit_direction
     axes = plane_axes(direction)
     rotations = sorted({pose.rotation_deg for pose in store.poses})
@@ -38,7 +46,7 @@ def draw_pose_map(store: SimulationStore) -> Figure:
     for panel, rotation in zip(panels, rotations, strict=False):
         poses = [pose for pose in store.poses if pose.rotation_deg == rotation]
         centres = np.array([pose.position for pose in poses]) @ axes.T
-        bar = axes @ probe_rotation(rotation, direction)[:, 0] * 0.4 * store.protocol.spacing
+        bar = axes @ probe_rotation(rotation, direction)[:, 0] * 0.33 * store.protocol.spacing
         for (x, y), pose in zip(centres, poses, strict=True):
             panel.plot(
                 [x - bar[0], x + bar[0]], [y - bar[1], y + bar[1]], color=COLOURS[keys[pose]], linewidth=4.0,

@@ -129,8 +129,10 @@ def first_touch(
     direction, axes = protocol.unit_direction, plane_axes(protocol.unit_direction)
     tool = probe.points @ probe_rotation(rotation_deg, direction).T
     reach = np.linalg.norm(tool @ axes.T, axis=1).max() + gap
-    lateral = np.linalg.norm((mesh.points - position) @ axes.T, axis=1)
-    near = mesh.skin_faces[(lateral[mesh.skin_faces] < reach + 2.0 * gap).any(axis=1)]
+    corners = (mesh.points[mesh.skin_faces] - position) @ axes.T
+    centres = corners.mean(axis=1)
+    size = np.linalg.norm(corners - centres[:, None], axis=2).max(axis=1)
+    near = mesh.skin_faces[np.linalg.norm(centres, axis=1) - size < reach + 2.0 * gap]
     if not len(near):
         raise InputError(
             f"probe position {np.round(position, 1).tolist()}", expected="skin in the probe's way", got="none",

@@ -174,7 +174,8 @@ def read_positions(path: Path | str) -> FloatArray:
     if not path.is_file():
         raise InputError(str(path), expected="a list of probe positions", got="no such file", fix="check the path")
     try:
-        positions = np.loadtxt(path, dtype=np.float64, ndmin=2, delimiter="," if "," in path.read_text() else None)
+        lines = [line.partition("#")[0].replace(",", " ").split() for line in path.read_text().splitlines()]
+        positions = np.array([[float(item) for item in line] for line in lines if line], dtype=np.float64)
     except (ValueError, UnicodeDecodeError) as error:
         raise InputError(
             str(path), expected="three numbers a line", got=str(error), fix="write one 'x y z' in mm a line",

@@ -55,7 +55,7 @@ from mixpinn.evaluation.table import Table, format_cell
 from mixpinn.evaluation.tables import (
     METRIC_LABELS,
     ablation_table,
-    dataset_table,
+    dataset_counts_table,
     depth_table,
     mesh_table,
     part_table,
@@ -68,7 +68,7 @@ __all__ = [
     "AS_PUBLISHED", "LIMITS", "METRIC_LABELS", "PAPER_ABLATION", "PAPER_DATASET", "PAPER_MESH", "PAPER_RESULTS",
     "PAPER_RUNTIME", "Case", "DepthProfile", "DisplacementModel", "Headline", "MetricGeometry", "PaperAblation",
     "PaperResult", "Picture", "RenderingUnavailable", "ReportContent", "Summary", "Table", "VirtualDisplacementModel",
-    "VirtualTopology", "ZeroModel", "ablation_table", "bootstrap_interval", "dataset_table", "depth_profile",
+    "VirtualTopology", "ZeroModel", "ablation_table", "bootstrap_interval", "dataset_counts_table", "depth_profile",
     "depth_table", "error_against_depth", "error_by_part", "error_distribution", "errors_by_part", "euclidean_errors",
     "evaluate", "figure_png", "format_cell", "loss_curves", "mean_absolute_error", "mean_euclidean_error",
     "mean_squared_error", "mesh_table", "part_table", "render_comparison", "render_cut", "render_error_map",

@@ -67,7 +67,7 @@ def error_distribution(evaluations: Sequence[Evaluation]) -> Figure:
                 violin = axes.violinplot(values, [place], orientation="horizontal", widths=0.8, showextrema=False)
                 bodies: Any = violin["bodies"]
                 bodies[0].set(facecolor=colour, alpha=0.35, edgecolor=colour)
-            low, median, high, p95 = np.quantile(values, [0.25, 0.5, 0.75, 0.95])
+            low, median, high, p95 = np.log10(np.quantile(10.0**values, [0.25, 0.5, 0.75, 0.95]))
             axes.plot([low, high], [place, place], color=colour, linewidth=5, solid_capstyle="butt")
             axes.plot(median, place, "o", color="white", markeredgecolor="#222222", markersize=6)
             axes.plot(p95, place, "|", color="#222222", markersize=14, markeredgewidth=1.6)

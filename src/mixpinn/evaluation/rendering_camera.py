@@ -27,7 +27,15 @@ def aim(
     plotter: pv.Plotter, points: AnyArray, view: Sequence[float] | FloatArray, *,
     up: Sequence[float] = (0.0, 1.0, 0.0), margin_right: float = 0.0,
 ) -> None:
-    """Look from direction `view` in parallel projection so that `points` fill the picture, and light the scene."""
+    """Look from direction `view` in parallel projection so that `points` fill the picture, and light the scene.
+
+    Args:
+        plotter: with its active subplot.
+        points: what must be visible [mm], shape (p, 3).
+        view: from the scene towards the camera.
+        up: what is upward in the picture.
+        margin_right: part of the width kept free for a colour bar.
+    """
     toward = np.asarray(view, dtype=np.float64) / np.linalg.norm(view)
     right = np.cross(up, toward)
     right /= np.linalg.norm(right)
@@ -42,9 +50,10 @@ def aim(
     middle[0] += margin_right * scale * width / height
     plotter.enable_parallel_projection()
     plotter.camera.focal_point = middle @ axes
-    plotter.camera.position = middle @ axes + 1000.0 * toward
+    reach = 2.0 * float(np.linalg.norm(high - low)) + 500.0
+    plotter.camera.position = middle @ axes + reach * toward
     plotter.camera.up = above
-    plotter.camera.clipping_range = (1.0, 3000.0)
+    plotter.camera.clipping_range = (1.0, 3.0 * reach)
     plotter.camera.parallel_scale = scale
     plotter.add_light(pv.Light(light_type="headlight", intensity=0.7))
     plotter.add_light(pv.Light(position=(-0.6, 1.0, 0.7), light_type="camera light", intensity=0.45))

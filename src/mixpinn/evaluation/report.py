@@ -37,7 +37,7 @@ LIMITS = (
     "deepest steps. Look at the worst sample and at the error map before you rely on a figure.",
     "The 95 % intervals say how much the mean depends on the choice of probe positions. They do not cover other "
     "training runs, anatomies or materials.",
-    "Times were measured on the machine named under provenance.",
+    "Times hold for the machine and the number of threads that they were measured with.",
 )
 """What holds for every run: what the figures do and do not say."""
 
@@ -51,7 +51,7 @@ class ReportContent:
         evaluations: one a model, all on the same samples; `ZeroModel`'s is what the headline compares with.
         introduction: a paragraph on what was done, in plain words.
         mesh: statistics of the mesh (`mesh_table`).
-        dataset: statistics of the samples (`dataset_table`).
+        dataset: statistics of the samples (`dataset_counts_table`).
         setup: tables on what was simulated and how well: mesh quality, fidelity to the label map, convergence.
         protocol: name of a setting (constants, probe path, contact rule, split) to its value.
         loss_logs: model to its CSV of losses.
@@ -111,12 +111,6 @@ def write_report(folder: Path | str, content: ReportContent) -> Path:
     headline, tables, details = summarise_run(content), _result_tables(content), _detail_tables(content)
     setup = [*(table for table in (content.mesh, content.dataset) if table is not None), *content.setup]
     stages = _stage_table(content)
-    write_json(folder / "results.json", {"headline": headline.sentence, **_results(content)})
-    write_text(folder / "results.csv", details[0].csv())
-    write_text(folder / "results.md", "\n".join([
-        f"## {content.title}\n", headline.sentence + "\n",
-        *(table.markdown() for table in [*tables, *setup, *([stages] if stages else []), *details]),
-    ]))
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(Path(__file__).parent), autoescape=True, undefined=jinja2.StrictUndefined,
         trim_blocks=True, lstrip_blocks=True,
@@ -126,6 +120,13 @@ def write_report(folder: Path | str, content: ReportContent) -> Path:
         limits=(*content.limits, *LIMITS), plots=_plots(content),
         pictures=[(_data_uri(_read(picture.path)), picture.caption) for picture in content.pictures],
     )
+    # Everything is made before anything is written.
+    write_json(folder / "results.json", {"headline": headline.sentence, **_results(content)})
+    write_text(folder / "results.csv", details[0].csv())
+    write_text(folder / "results.md", "\n".join([
+        f"## {content.title}\n", headline.sentence + "\n",
+        *(table.markdown() for table in [*tables, *setup, *([stages] if stages else []), *details]),
+    ]))
     write_text(folder / "report.html", page)
     return folder / "report.html"
 

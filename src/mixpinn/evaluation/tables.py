@@ -1,6 +1,7 @@
 """The tables of an evaluation, the paper's figures beside the measured ones."""
 
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,7 +16,10 @@ from mixpinn.evaluation.paper import (
 )
 from mixpinn.evaluation.statistics import depth_profile, summarise_metrics
 from mixpinn.evaluation.table import Cell, Table
-from mixpinn.records import Evaluation, SampleTable, TissueMesh
+from mixpinn.records import Evaluation, TissueMesh
+
+if TYPE_CHECKING:
+    from mixpinn.dataset import DatasetTable
 
 METRIC_LABELS = {
     "mee": "MEE [mm]", "mae": "MAE [mm]", "mse": "MSE [mm²]", "rigid_mee": "Rigid MEE [mm]",
@@ -161,20 +165,21 @@ def mesh_table(mesh: TissueMesh, *, with_paper: bool = False) -> Table:
     return Table("Mesh", columns, tuple(rows), note)
 
 
-def dataset_table(splits: Mapping[str, SampleTable], *, with_paper: bool = False) -> Table:
-    """Probe positions, poses and samples of each split and in all."""
-    rows: list[tuple[Cell, ...]] = []
-    for name, table in splits.items():
-        poses = np.unique(np.column_stack([table.position_index, table.rotation_deg]), axis=0)
-        rows.append((name, len(np.unique(table.position_index)), len(poses), len(table)))
-    counts = np.array([row[1:] for row in rows], dtype=np.int64).reshape(-1, 3)
-    rows.append(("total", *(int(value) for value in counts.sum(axis=0))))
+def dataset_counts_table(counts: "DatasetTable", *, with_paper: bool = False) -> Table:
+    """Probe positions, poses and samples of each split and in all.
+
+    Args:
+        counts: what `mixpinn.dataset.dataset_table` counted.
+        with_paper: append the paper's rows, muted.
+    """
+    columns = (counts.positions, counts.poses, counts.samples)
+    rows: list[tuple[Cell, ...]] = list(zip([row[0] for row in PAPER_DATASET], *columns, strict=True))
     measured = len(rows)
     if with_paper:
         rows += [(f"{name} (paper)", *quoted) for name, *quoted in PAPER_DATASET]
-    note = "Split by probe position: all steps and rotations of a position lie in one split."
-    return Table("Data set", ("Split", "Positions", "Poses", "Samples"), tuple(rows), note,
-                 frozenset(range(measured, len(rows))))
+    note = f"Split “{counts.split}”, by probe position: all steps and rotations of a position lie in one split."
+    muted = frozenset(range(measured, len(rows)))
+    return Table("Data set", ("Split", "Positions", "Poses", "Samples"), tuple(rows), note, muted)
 
 
 def _figures(result: PaperResult) -> tuple[float, ...]:

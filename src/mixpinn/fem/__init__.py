@@ -4,6 +4,7 @@ from mixpinn.fem.contact import ContactConfig, ContactModel, ProbePose
 from mixpinn.fem.contact_surface import ProbeSurface, SkinSurface
 from mixpinn.fem.linear import LinearSolver, PardisoSolver, SuperLUSolver, default_solver
 from mixpinn.fem.material import PAPER_TISSUE, LinearElastic, Material, StableNeoHookean, StableNeoHookeanLog
+from mixpinn.fem.probe_shapes import linear_probe, spherical_probe
 from mixpinn.fem.scene import Scene
 from mixpinn.fem.simulate import PoseSimulator, simulate_pose
 from mixpinn.fem.solve import QuasiStaticSolver, SolverConfig
@@ -13,5 +14,5 @@ __all__ = [
     "PAPER_TISSUE", "ContactConfig", "ContactModel", "ElasticSystem", "LinearElastic", "LinearSolver", "Material",
     "PardisoSolver", "PoseSimulator", "ProbePose", "ProbeSurface", "QuasiStaticSolver", "Scene", "SkinSurface",
     "SolverConfig", "StableNeoHookean", "StableNeoHookeanLog", "State", "SuperLUSolver", "default_solver",
-    "simulate_pose",
+    "linear_probe", "simulate_pose", "spherical_probe",
 ]

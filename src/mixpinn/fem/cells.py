@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from mixpinn.base.arrays import AnyArray, FloatArray, IntArray
-from mixpinn.fem import assembly, kernels
+from mixpinn.fem import assembly, kernels, kernels_given
 from mixpinn.fem.material import LinearElastic, Material, StableNeoHookean, StableNeoHookeanLog
 from mixpinn.fem.pattern import NodePairs, incidence
 from mixpinn.fem.projection import project_tangents
@@ -88,7 +88,7 @@ class ElasticCells:
         self._run(kernels.cell_forces, self._n_compiled, *self._inputs(moved), self._forces)
         for material, chosen in self._others:
             stress = np.array(material.gradient(self._deformation(moved, chosen)), dtype=np.float64)
-            kernels.cell_forces_of_stress(
+            kernels_given.cell_forces_of_stress(
                 0, len(stress), stress, self._gradients[chosen], self._volumes[chosen], self._forces[chosen],
             )
         nodal = np.empty_like(points)
@@ -107,7 +107,7 @@ class ElasticCells:
             tangents = np.array(material.hessian(self._deformation(moved, chosen)), dtype=np.float64)
             if project:
                 project_tangents(tangents)
-            kernels.cell_blocks_of_tangent(
+            kernels_given.cell_blocks_of_tangent(
                 0, len(tangents), tangents, self._gradients[chosen], self._volumes[chosen], self._blocks[chosen],
             )
         self._run(

@@ -49,13 +49,24 @@ def _displacement_gradient(cell: IntArray, displacement: FloatArray, gradient: F
 
 @compiled
 def _invariants(h: Any) -> Any:
-    """I_C − 3 and J − 1 from H: 2 tr H + H : H, and tr H + second invariant + det H."""
+    """I_C − 3, J − 1 and (I_C − 3)/2 − (J − 1), the last without the tr H that the two have in common.
+
+    I_C − 3 = 2 tr H + H : H and J − 1 = tr H + II(H) + det H.
+    """
     h00, h01, h02, h10, h11, h12, h20, h21, h22 = h
     trace = h00 + h11 + h22
     square = h00 * h00 + h01 * h01 + h02 * h02 + h10 * h10 + h11 * h11 + h12 * h12 + h20 * h20 + h21 * h21 + h22 * h22
     second = h00 * h11 - h01 * h10 + h00 * h22 - h02 * h20 + h11 * h22 - h12 * h21
     third = h00 * (h11 * h22 - h12 * h21) - h01 * (h10 * h22 - h12 * h20) + h02 * (h10 * h21 - h11 * h20)
-    return 2.0 * trace + square, trace + second + third
+    return 2.0 * trace + square, trace + second + third, 0.5 * square - second - third
+
+
+@compiled
+def _log_excess(x: float) -> float:
+    """x − log(1 + x), by its series where the difference would lose digits."""
+    if abs(x) > 0.02:
+        return x - math.log1p(x)
+    return x * x * (1 / 2 - x * (1 / 3 - x * (1 / 4 - x * (1 / 5 - x * (1 / 6 - x * (1 / 7 - x / 8))))))
 
 
 @compiled
@@ -116,14 +127,12 @@ def cell_energies(
             )
             density = mu[e] * strain + 0.5 * lam[e] * trace * trace
         else:
-            shear, growth = _invariants(h)
-            if kinds[e] == STABLE:
-                # μ/2 (I_C − 3) − μ (J − 1): the terms linear in H cancel on paper, and are left out here.
-                square_less = 0.5 * shear - growth
-                density = mu[e] * square_less + 0.5 * (lam[e] + mu[e]) * growth * growth
-            else:
+            shear, growth, excess = _invariants(h)
+            if kinds[e] == STABLE:  # μ/2 (I_C − 3) − μ (J − 1) + (λ + μ)/2 (J − 1)²
+                density = mu[e] * excess + 0.5 * (lam[e] + mu[e]) * growth * growth
+            else:  # m/2 (I_C − 3) − 3m/4 (J − 1) − m/2 log(1 + (I_C − 3)/4) + l/2 (J − 1)², regrouped
                 m, bulk = 4.0 / 3.0 * mu[e], lam[e] + 5.0 / 6.0 * mu[e]
-                density = 0.5 * m * (shear - math.log1p(0.25 * shear) - 1.5 * growth) + 0.5 * bulk * growth * growth
+                density = 0.5 * m * (1.5 * excess + _log_excess(0.25 * shear)) + 0.5 * bulk * growth * growth
         out[e] = volumes[e] * density
 
 
@@ -144,16 +153,17 @@ def cell_forces(
                     p[i, j] = mu[e] * (h[3 * i + j] + h[3 * j + i])
                 p[i, i] += pressure
         else:
-            shear, growth = _invariants(h)
+            shear, growth, _ = _invariants(h)
             a, _, _, d = _coefficients(kinds[e], mu[e], lam[e], shear, growth)
             for i in range(3):
                 for j in range(3):
                     p[i, j] = a * f[i, j] + d * p[i, j]
-        _distribute(p, gradients[e], volumes[e], out[e])
+        distribute(p, gradients[e], volumes[e], out[e])
 
 
 @compiled
-def _distribute(stress: FloatArray, gradient: FloatArray, volume: float, out: FloatArray) -> None:
+def distribute(stress: FloatArray, gradient: FloatArray, volume: float, out: FloatArray) -> None:
+    """V P G_a of one cell into `out` (4, 3); node 0 takes what makes their sum zero."""
     for i in range(3):
         total = 0.0
         for a in range(1, 4):
@@ -163,15 +173,6 @@ def _distribute(stress: FloatArray, gradient: FloatArray, volume: float, out: Fl
             out[a, i] = force
             total += force
         out[0, i] = -total
-
-
-@compiled
-def cell_forces_of_stress(
-    start: int, stop: int, stress: FloatArray, gradients: FloatArray, volumes: FloatArray, out: FloatArray,
-) -> None:
-    """∂E/∂x_a = V P G_a for given stresses P (m, 3, 3): the path of materials that are not compiled."""
-    for e in range(start, stop):
-        _distribute(stress[e], gradients[e], volumes[e], out[e])
 
 
 @compiled
@@ -194,7 +195,7 @@ def cell_blocks(
             _linear_block(gradient, volume * mu[e], volume * lam[e], block)
             continue
         h = _displacement_gradient(cells[e], displacement, gradient)
-        shear, growth = _invariants(h)
+        shear, growth, _ = _invariants(h)
         a0, b0, c, d = _coefficients(kinds[e], mu[e], lam[e], shear, growth)
         _fill(h, f, cofactor)
         _apply(f, gradient, fg)
@@ -243,20 +244,3 @@ def _linear_block(gradient: FloatArray, mu: float, lam: float, out: FloatArray) 
             for j in range(3):
                 out[pair, i, j] = mu * gradient[b, i] * gradient[a, j] + lam * gradient[a, i] * gradient[b, j]
             out[pair, i, i] += mu * dot
-
-
-@compiled
-def cell_blocks_of_tangent(
-    start: int, stop: int, tangent: FloatArray, gradients: FloatArray, volumes: FloatArray, out: FloatArray,
-) -> None:
-    """Stiffness blocks for given tangents (m, 9, 9): the path of materials that are not compiled."""
-    for e in range(start, stop):
-        for pair in range(6):
-            a, b = LOCAL_PAIRS[pair, 0], LOCAL_PAIRS[pair, 1]
-            for i in range(3):
-                for k in range(3):
-                    value = 0.0
-                    for j in range(3):
-                        for m in range(3):
-                            value += gradients[e, a, j] * tangent[e, 3 * i + j, 3 * k + m] * gradients[e, b, m]
-                    out[e, pair, i, k] = volumes[e] * value

@@ -101,6 +101,8 @@ class PardisoSolver:
                 self._factorize(-2)
             except self._error as second:
                 raise SolveError(_SINGULAR) from second
+            if self._handle(-2).iparm[13] and not self._solves():  # pivots were perturbed
+                raise SolveError(_SINGULAR) from None
 
     def solve(self, rhs: FloatArray) -> FloatArray:
         """See `LinearSolver.solve`."""
@@ -135,6 +137,12 @@ class PardisoSolver:
             self._call(kind, 11, nothing)
             self._analysed[kind] = True
         self._call(kind, 22, nothing)
+
+    def _solves(self) -> bool:
+        assert self._matrix is not None
+        rhs = np.cos(np.arange(self._matrix.shape[0]))  # no vector that a singular matrix would happen to reach
+        residual = symmetric_product(self._matrix, self.solve(rhs)) - rhs
+        return bool(np.abs(residual).max() <= 1e-4)
 
     def _handle(self, kind: int) -> Any:
         if kind not in self._handles:

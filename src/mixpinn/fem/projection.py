@@ -58,11 +58,50 @@ def _diagonalise(matrix: FloatArray, vectors: FloatArray) -> None:
 
 
 @_compiled
+def _diagonalise_distinct(matrix: FloatArray, vectors: FloatArray) -> bool:
+    """As `_diagonalise` but in closed form, eigenvalues descending, where all three are well apart; else False.
+
+    With the mean q and p² = |A − q|²/6 the eigenvalues are q + 2 p cos(φ + 2πk/3), cos 3φ = det((A − q)/p)/2 (Smith
+    1961); each eigenvector is orthogonal to two rows of A − λ.
+    """
+    q = (matrix[0, 0] + matrix[1, 1] + matrix[2, 2]) / 3.0
+    a, b, c = matrix[0, 0] - q, matrix[1, 1] - q, matrix[2, 2] - q
+    d, e, f = matrix[0, 1], matrix[0, 2], matrix[1, 2]
+    p = math.sqrt((a * a + b * b + c * c + 2.0 * (d * d + e * e + f * f)) / 6.0)
+    if p <= 1e-9 * q:
+        return False
+    a, b, c, d, e, f = a / p, b / p, c / p, d / p, e / p, f / p
+    cosine = 0.5 * (a * (b * c - f * f) - d * (d * c - f * e) + e * (d * f - b * e))
+    if not abs(cosine) < 0.99:
+        return False
+    angle = math.acos(cosine) / 3.0
+    first, last = 2.0 * math.cos(angle), 2.0 * math.cos(angle + 2.0 * math.pi / 3.0)
+    for column, value in ((0, first), (2, last)):
+        x0, x1, x2 = d * f - e * (b - value), e * d - (a - value) * f, (a - value) * (b - value) - d * d
+        y0, y1, y2 = (b - value) * (c - value) - f * f, f * e - d * (c - value), d * f - (b - value) * e
+        z0, z1, z2 = d * (c - value) - f * e, e * e - (a - value) * (c - value), (a - value) * f - d * e
+        xx, yy, zz = x0 * x0 + x1 * x1 + x2 * x2, y0 * y0 + y1 * y1 + y2 * y2, z0 * z0 + z1 * z1 + z2 * z2
+        if yy > xx:
+            x0, x1, x2, xx = y0, y1, y2, yy
+        if zz > xx:
+            x0, x1, x2, xx = z0, z1, z2, zz
+        scale = 1.0 / math.sqrt(xx)
+        vectors[0, column], vectors[1, column], vectors[2, column] = scale * x0, scale * x1, scale * x2
+    for i in range(3):  # the middle one: last × first, so that the columns are a rotation
+        j, k = (i + 1) % 3, (i + 2) % 3
+        vectors[i, 1] = vectors[j, 2] * vectors[k, 0] - vectors[k, 2] * vectors[j, 0]
+    matrix[0, 0], matrix[1, 1], matrix[2, 2] = q + p * first, q - p * (first + last), q + p * last
+    return True
+
+
+@_compiled
 def _right_vectors(f: FloatArray, squares: FloatArray, v: FloatArray) -> None:
     """FᵀF = V diag(σ²) Vᵀ: σ² descending on the diagonal of `squares`, `v` a rotation."""
     for i in range(3):
         for j in range(3):
             squares[i, j] = f[0, i] * f[0, j] + f[1, i] * f[1, j] + f[2, i] * f[2, j]
+    if _diagonalise_distinct(squares, v):
+        return
     _diagonalise(squares, v)
     for p, q in ((0, 1), (0, 2), (1, 2)):
         if squares[p, p] < squares[q, q]:

@@ -103,10 +103,11 @@ class MeshGraph:
 
     def to(self, device: torch.device | str) -> "MeshGraph":
         """The graph on another device."""
-        return replace(self, **{
-            name: value.to(device) for name, value in vars(self).items()
-            if isinstance(value, Tensor) and name in self.__dataclass_fields__
-        })
+        return replace(
+            self, position=self.position.to(device), part=self.part.to(device),
+            node_features=self.node_features.to(device), edge_index=self.edge_index.to(device),
+            edge_features=self.edge_features.to(device), virtual_node_part=self.virtual_node_part.to(device),
+        )
 
 
 def build_graph(mesh: TissueMesh) -> MeshGraph:

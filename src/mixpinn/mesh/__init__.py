@@ -1,7 +1,26 @@
 """Label map to labelled tetrahedral mesh."""
 
+from mixpinn.mesh.cgal_mesher import CgalMesher
+from mixpinn.mesh.check_surface import check_surface, check_surfaces, self_intersections
+from mixpinn.mesh.extract import SurfaceConfig, extract_surfaces
+from mixpinn.mesh.fidelity import MeshFidelity, StructureFidelity, mesh_fidelity, voxel_parts
 from mixpinn.mesh.import_vtu import import_vtu, load_paper_mesh
-from mixpinn.mesh.label import fixed_nodes
+from mixpinn.mesh.label import PartContacts, fixed_nodes, label_mesh, part_contacts
+from mixpinn.mesh.mesher import PAPER_SIZING, Mesher, Sizing, has_cgal
 from mixpinn.mesh.orientation import check_cells, orient_cells, signed_volumes
+from mixpinn.mesh.picture import draw_mesh
+from mixpinn.mesh.quality import MeshQuality, dihedral_angles, mesh_quality, radius_ratios
+from mixpinn.mesh.skin import probe_positions, skin_height
+from mixpinn.mesh.stage import MeshConfig, MeshResult, make_mesh, make_mesher
+from mixpinn.mesh.statistics import MeshStatistics, PartStatistics, mesh_statistics
+from mixpinn.mesh.surface import DomainSurfaces, Surface
+from mixpinn.mesh.tetwild_mesher import TetwildMesher
 
-__all__ = ["check_cells", "fixed_nodes", "import_vtu", "load_paper_mesh", "orient_cells", "signed_volumes"]
+__all__ = [
+    "PAPER_SIZING", "CgalMesher", "DomainSurfaces", "MeshConfig", "MeshFidelity", "MeshQuality", "MeshResult",
+    "MeshStatistics", "Mesher", "PartContacts", "PartStatistics", "Sizing", "StructureFidelity", "Surface",
+    "SurfaceConfig", "TetwildMesher", "check_cells", "check_surface", "check_surfaces", "dihedral_angles", "draw_mesh",
+    "extract_surfaces", "fixed_nodes", "has_cgal", "import_vtu", "label_mesh", "load_paper_mesh", "make_mesh",
+    "make_mesher", "mesh_fidelity", "mesh_quality", "mesh_statistics", "orient_cells", "part_contacts",
+    "probe_positions", "radius_ratios", "self_intersections", "signed_volumes", "skin_height", "voxel_parts",
+]

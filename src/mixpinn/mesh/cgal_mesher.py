@@ -1,15 +1,23 @@
 """Delaunay refinement by CGAL Mesh_3: the mesher and the criteria of the paper. Optional, GPL."""
 
+import subprocess
+import sys
 import tempfile
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
 
 from mixpinn.base.arrays import FloatArray, Int32Array, IntArray
 from mixpinn.base.errors import InputError
+from mixpinn.base.files import write_json
+from mixpinn.mesh.cgal_worker import NOT_CLOSED
 from mixpinn.mesh.mesher import Sizing, has_cgal, tidy
 from mixpinn.mesh.surface import DomainSurfaces
+
+_SEEDS = 20
+"""Points on each surface that refinement begins with."""
+_FIX = "check the surfaces for holes and self-intersections, or choose the mesher tetwild"
 
 
 @dataclass(frozen=True)
@@ -17,8 +25,9 @@ class CgalMesher:
     """CGAL Mesh_3 on the polyhedral domain between the body's surface and the cavities.
 
     Refinement to the criteria (Boissonnat & Oudot 2005; Rineau & Yvinec 2007) leaves slivers: perturbation of their
-    nodes and exudation by weights (Cheng et al. 2000) remove them. The sharp rims of the caps are approximated, not
-    protected, as in the paper's mesh.
+    nodes (Tournois et al. 2009) and exudation by weights (Cheng et al. 2000) remove them. The sharp rims of the caps
+    are approximated, not protected, as in the paper's mesh. The same surfaces give the same mesh on Linux, as long
+    as neither time limit is reached.
 
     Attributes:
         perturb_seconds: time limit of the perturbation [s]; 0 leaves it out.
@@ -26,8 +35,8 @@ class CgalMesher:
         sliver_bound: dihedral angle at which both stop [degree].
     """
 
-    perturb_seconds: float = 15.0
-    exude_seconds: float = 15.0
+    perturb_seconds: float = 12.0
+    exude_seconds: float = 12.0
     sliver_bound: float = 12.0
     name: str = "cgal"
 
@@ -35,45 +44,41 @@ class CgalMesher:
         """Points [mm] (n, 3) and positively oriented cells (m, 4) of the soft tissue.
 
         Raises:
-            InputError: the bindings are not installed, or the surfaces are open or not manifold.
+            InputError: the bindings are not installed, the surfaces are open or not manifold, or no cell fits them.
         """
         if not has_cgal():
             raise InputError(
                 "mesher cgal", expected="the package 'cgal' (Python 3.12 or older)", got="none installed",
                 fix="pip install 'mixpinn[cgal]' or choose the mesher tetwild",
             )
-        from CGAL import CGAL_Mesh_3 as mesh_3
-        from CGAL.CGAL_Polyhedron_3 import Polyhedron_3
-
         what = surfaces.body.name
-        with tempfile.TemporaryDirectory() as folder:
-            file = Path(folder) / "domain.off"
-            _write_off(file, *surfaces.domain())
-            polyhedron = Polyhedron_3(str(file))
-            if not polyhedron.size_of_facets() or not polyhedron.is_closed():
+        with tempfile.TemporaryDirectory() as name:
+            folder = Path(name)
+            _write_off(folder / "domain.off", *surfaces.domain())
+            seeds = [spread_points(surface.points, _SEEDS) for surface in (surfaces.body, *surfaces.rigid)]
+            np.savetxt(folder / "seeds.txt", np.concatenate(seeds), fmt="%.6f")
+            write_json(folder / "parameters.json", {**asdict(sizing), **asdict(self)})
+            worker = Path(__file__).with_name("cgal_worker.py")
+            run = subprocess.run([sys.executable, str(worker), name], capture_output=True, text=True, check=False)
+            if run.returncode == NOT_CLOSED:
+                raise InputError(what, expected="closed manifold surfaces", got="open or branching ones", fix=_FIX)
+            medit = folder / "cells.mesh"
+            if run.returncode != 0 or not medit.is_file():
+                last = (run.stderr or run.stdout).strip().splitlines()[-1:] or ["no message"]
                 raise InputError(
-                    what, expected="closed manifold surfaces", got="open or branching ones",
-                    fix="close the surfaces, or choose the mesher tetwild",
+                    what, expected="surfaces that CGAL can mesh", got=f"exit code {run.returncode} ({last[0]})", fix=_FIX,
                 )
-            criteria = mesh_3.Default_mesh_criteria()
-            criteria.cell_radius_edge_ratio(sizing.cell_ratio).cell_size(sizing.cell_size)
-            criteria.facet_angle(sizing.facet_angle).facet_size(sizing.facet_size)
-            criteria.facet_distance(sizing.facet_approximation)
-            parameters = mesh_3.Mesh_3_parameters()
-            if self.perturb_seconds > 0.0:
-                parameters.set_perturb(self.perturb_seconds, self.sliver_bound)
-            else:
-                parameters.no_perturb()
-            if self.exude_seconds > 0.0:
-                parameters.set_exude(self.exude_seconds, self.sliver_bound)
-            else:
-                parameters.no_exude()
-            complex_ = mesh_3.make_mesh_3(mesh_3.Polyhedral_mesh_domain_3(polyhedron), criteria, parameters)
-            if not complex_.number_of_cells():
-                return tidy(np.zeros((0, 3)), np.zeros((0, 4), dtype=np.int64), what=what)
-            medit = Path(folder) / "cells.mesh"
-            complex_.output_to_medit(str(medit))
             return tidy(*_read_medit(medit), what=what)
+
+
+def spread_points(points: FloatArray, count: int) -> FloatArray:
+    """`count` of the points, each as far as possible from those before it; shape (count, 3)."""
+    chosen = [int(points[:, 1].argmax())]
+    distance = np.full(len(points), np.inf)
+    while len(chosen) < min(count, len(points)):
+        distance = np.minimum(distance, ((points - points[chosen[-1]]) ** 2).sum(axis=1))
+        chosen.append(int(distance.argmax()))
+    return points[chosen]
 
 
 def _write_off(path: Path, points: FloatArray, triangles: IntArray) -> None:

@@ -30,9 +30,9 @@ class SurfaceConfig:
             needs to lay tissue between them.
     """
 
-    body_smoothing: float = 1.5
-    rigid_smoothing: float = 1.0
-    gap: float = 2.0
+    body_smoothing: float = 1.0
+    rigid_smoothing: float = 0.8
+    gap: float = 3.0
 
 
 def signed_distance(mask: BoolArray, spacing: FloatArray) -> FloatArray:
@@ -65,9 +65,21 @@ def extract_surfaces(label_map: LabelMap, config: SurfaceConfig | None = None) -
     level = 0.5 - ndimage.gaussian_filter(
         body.astype(np.float32), _blur(config.body_smoothing, spacing), mode="nearest", truncate=3.0,
     )
-    surface = _contour(np.pad(level, 1, constant_values=0.5), -np.ones(3), label_map, label_map.soft_names[0])
+    surface = _without_bubbles(_contour(np.pad(level, 1, constant_values=0.5), -np.ones(3), label_map, label_map.soft_names[0]))
     _refuse_thin(surface, body, label_map, config)
     return DomainSurfaces(surface, _rigid_surfaces(label_map, body, spacing, config))
+
+
+def label_surface(label_map: LabelMap, mask: AnyArray, name: str) -> Surface:
+    """The surface of `mask` as it is in the label map: marching cubes without smoothing, all pieces kept."""
+    where = np.argwhere(mask)
+    if not len(where):
+        raise InputError(
+            name, expected="at least one voxel in the label map", got="none", fix="segment it again or leave it out",
+        )
+    low = where.min(axis=0)
+    box = tuple(slice(a, b + 1) for a, b in zip(low, where.max(axis=0), strict=True))
+    return _contour(np.pad(0.5 - mask[box].astype(np.float32), 1, constant_values=0.5), low - 1.0, label_map, name)
 
 
 def _rigid_surfaces(
@@ -96,7 +108,7 @@ def _rigid_surfaces(
         for other, distance in enumerate(distances):
             if other != k:
                 level = np.maximum(level, (distances[k] - distance + config.gap) / 2.0)
-        surface = _contour(np.pad(level, 1, constant_values=float(spacing.max())), low - 1.0, label_map, name)
+        surface = _without_bubbles(_contour(np.pad(level, 1, constant_values=float(spacing.max())), low - 1.0, label_map, name))
         _refuse_thin(surface, masks[k], label_map, config)
         surfaces.append(surface)
     return tuple(surfaces)
@@ -129,14 +141,14 @@ def _contour(level: AnyArray, start: FloatArray, label_map: LabelMap, name: str)
     points, triangles, _, _ = marching_cubes(level, 0.0)
     points = (points.astype(np.float64) + start) @ label_map.affine[:3, :3].T + label_map.affine[:3, 3]
     surface = Surface(name, points, triangles.astype(np.int64))
-    if surface.volume < 0.0:
-        surface = surface.reversed()
-    return _without_bubbles(surface)
+    return surface if surface.volume > 0.0 else surface.reversed()
 
 
 def _without_bubbles(surface: Surface) -> Surface:
     """The surface without small closed pieces, and without inner ones, whose volume counts as negative."""
     n_points, triangles = len(surface.points), surface.triangles
+    if not len(triangles):
+        return surface
     ends = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]]])
     links = sparse.coo_matrix((np.ones(len(ends), dtype=np.int8), ends.T), shape=(n_points, n_points))
     n_pieces, piece = sparse.csgraph.connected_components(links, directed=False)

@@ -6,7 +6,8 @@ import torch
 from torch import Tensor
 from torch_geometric.nn import GATConv
 
-from mixpinn.models.fused_attention import fused_attention
+from mixpinn.models.fused_attention import attend, fused_attention
+from mixpinn.models.scratch import scratch
 from mixpinn.models.topology import AttentionTopology
 
 
@@ -44,6 +45,7 @@ class GraphAttention(GATConv):
 
     def forward(  # type: ignore[override, unused-ignore]
         self, x: Tensor, topology: AttentionTopology, slot_features: Tensor | None = None, *, relu: bool = False,
+        transient: bool = False,
     ) -> Tensor:
         """Apply the layer.
 
@@ -52,30 +54,38 @@ class GraphAttention(GATConv):
             topology: the adjacency with self-loops.
             slot_features: features of its slots, shape (S, D), where the layer has edge features.
             relu: whether ReLU follows.
+            transient: without gradients, the result may lie in scratch memory, valid until the next transient result.
 
         Returns:
             shape (B, N, H · C) or, with averaged heads, (B, N, C).
         """
         fused = x.device.type == "cpu" and x.dtype == torch.float32
         if self.backend is Backend.FUSED or (self.backend is Backend.AUTOMATIC and fused):
-            return self._fused(x, topology, slot_features, relu)
+            return self._fused(x, topology, slot_features, relu, transient)
         batch, n_nodes, _ = x.shape
         attributes = None if self.lin_edge is None or slot_features is None else slot_features.repeat(batch, 1)
         out = super().forward(x.flatten(0, 1), topology.edges(batch, x.device), attributes)
         return (out.relu() if relu else out).view(batch, n_nodes, -1)
 
-    def _fused(self, x: Tensor, topology: AttentionTopology, slot_features: Tensor | None, relu: bool) -> Tensor:
+    def _fused(
+        self, x: Tensor, topology: AttentionTopology, slot_features: Tensor | None, relu: bool, transient: bool,
+    ) -> Tensor:
         heads, channels = self.heads, self.out_channels
         slot_score = None
         if self.lin_edge is not None and slot_features is not None:
             # a_eᵀ Θₑ e = (Θₑᵀ a_e)ᵀ e: D products an edge and head instead of C · D.
             folded = (self.lin_edge.weight.view(heads, channels, -1) * self.att_edge[0][:, :, None]).sum(dim=1)
             slot_score = slot_features @ folded.T
-        out = fused_attention(
-            self.lin(x), self.att_src[0], self.att_dst[0], slot_score,
-            self.bias if self.concat else None, topology, relu=relu and self.concat,
-        )
+        vectors = self.att_src[0], self.att_dst[0], slot_score, self.bias if self.concat else None
+        if torch.is_grad_enabled():
+            out = fused_attention(self.lin(x), *vectors, topology, relu=relu and self.concat)
+        else:
+            shape = (*x.shape[:2], heads * channels)
+            transformed = torch.from_numpy(scratch.take("transformed", shape))
+            torch.mm(x.flatten(0, 1), self.lin.weight.T, out=transformed.flatten(0, 1))
+            result = torch.from_numpy(scratch.take("result", shape)) if transient else torch.empty(shape)
+            out = attend(transformed, *vectors, topology, relu=relu and self.concat, out=result)
         if self.concat:
             return out
-        out = out.unflatten(2, (heads, channels)).mean(dim=2) + self.bias
+        out = out.view(*x.shape[:2], heads, channels).mean(dim=2) + self.bias
         return out.relu() if relu else out

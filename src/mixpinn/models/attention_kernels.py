@@ -1,13 +1,12 @@
 """Compiled loops of fused graph attention.
 
-Arrays of one sample: n nodes, h heads, c channels a head, s slots; fields of the nodes have shape (n, h, c). `state` holds for each node and head the
-source score, the target score, the maximum and the sum of the softmax, shape (n, 4, h). Loops run in parallel over
-chunks of nodes; each node is summed in a fixed order and each chunk has its own sums, so that the number of threads
-does not change a result.
+Arrays of one sample: n nodes, h heads, c channels a head, s slots; fields of the nodes have shape (n, h, c). `state`
+holds for each node and head the source score, the target score, the maximum and the sum of the softmax, shape
+(n, 4, h). Loops run in parallel over chunks of nodes that have equal numbers of slots; each node is summed in a fixed
+order and each chunk has its own sums, so that the number of threads does not change a result.
 """
 
 import math
-
 
 import numpy as np
 from numba import njit, prange
@@ -19,7 +18,9 @@ SLOPE = np.float32(0.2)
 
 
 @njit(parallel=True, fastmath=True, cache=True)
-def node_scores(x: Float32Array, att_src: Float32Array, att_dst: Float32Array, chunks: IntArray, state: Float32Array) -> None:
+def node_scores(
+    x: Float32Array, att_src: Float32Array, att_dst: Float32Array, chunks: IntArray, state: Float32Array,
+) -> None:
     """Scores a_sᵀ Θ xᵢ and a_dᵀ Θ xᵢ of each node and head into `state`."""
     heads, channels = att_src.shape
     for chunk in prange(len(chunks) - 1):

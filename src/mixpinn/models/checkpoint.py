@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import asdict, replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from mixpinn.models.displacement_model import DisplacementModel, build_graph_for
 from mixpinn.models.tensor_file import read_tensors, write_tensors
 from mixpinn.records import TissueMesh
 
+_versions = cache(versions)
 MODEL_FILE, WEIGHTS_FILE, MESH_FILE = "model.json", "weights.safetensors", "mesh.vtu"
 _FORMAT = 1
 
@@ -46,7 +48,7 @@ def describe_training(folder: Path | str, config: ModelConfig, mesh_hash: str, t
     """Write ``model.json`` alone: the weights stay, what is said about their training changes."""
     write_json(Path(folder) / MODEL_FILE, {
         "format": _FORMAT, "config": asdict(config), "mesh_hash": mesh_hash, "training": dict(training),
-        "versions": versions(),
+        "versions": _versions(),
     })
 
 

@@ -44,7 +44,8 @@ class ModelConfig:
         for name, least in (("layers", 1), ("heads", 1), ("hidden", 1), ("rel_weight", 0)):
             if not getattr(self, name) >= least:
                 raise InputError(
-                    f"model.{name}", expected=f"at least {least}", got=str(getattr(self, name)), fix="correct the setting",
+                    f"model.{name}", expected=f"at least {least}", got=str(getattr(self, name)),
+                    fix="correct the setting",
                 )
 
     def with_width(self, width: str) -> "ModelConfig":

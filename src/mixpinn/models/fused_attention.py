@@ -10,6 +10,7 @@ from torch.autograd.function import once_differentiable
 
 from mixpinn.base.arrays import Float32Array
 from mixpinn.models import attention_kernels as kernels
+from mixpinn.models.scratch import scratch
 from mixpinn.models.topology import AttentionTopology
 
 
@@ -30,11 +31,37 @@ def fused_attention(
     Returns:
         shape (B, N, H · C), heads concatenated.
     """
-    return _FusedAttention.apply(x, att_src, att_dst, slot_score, bias, topology, relu)
+    return _FusedAttention.apply(  # type: ignore[no-untyped-call]
+        x, att_src, att_dst, slot_score, bias, topology, relu,
+    )
 
 
 def _array(tensor: Tensor) -> Float32Array:
     return np.asarray(tensor.detach().contiguous().numpy())
+
+
+def attend(
+    x: Tensor, att_src: Tensor, att_dst: Tensor, slot_score: Tensor | None, bias: Tensor | None,
+    topology: AttentionTopology, *, relu: bool, out: Tensor, state: Tensor | None = None,
+) -> Tensor:
+    """`fused_attention` without gradients, written into `out`, which must not share memory with `x`.
+
+    `state`, shape (B, N, 4, H), receives per node and head a_sᵀ Θ x, a_dᵀ Θ x, maximum and sum of the softmax.
+    """
+    _share_threads()
+    heads, channels = att_src.shape
+    batch, n_nodes, _ = x.shape
+    if state is None:
+        state = torch.from_numpy(scratch.take("state", (batch, n_nodes, 4, heads)))
+    shift, score = _shift_and_score(bias, slot_score, heads, channels)
+    shape = (batch, n_nodes, heads, channels)
+    for x_b, out_b, state_b in zip(_array(x).reshape(shape), _array(out).reshape(shape), _array(state), strict=True):
+        kernels.node_scores(x_b, _array(att_src), _array(att_dst), topology.chunks, state_b)
+        kernels.aggregate(
+            x_b, state_b, score, slot_score is not None, topology.offsets, topology.sources, topology.chunks, shift,
+            relu, out_b,
+        )
+    return out
 
 
 class _FusedAttention(torch.autograd.Function):
@@ -45,21 +72,10 @@ class _FusedAttention(torch.autograd.Function):
         ctx: Any, x: Tensor, att_src: Tensor, att_dst: Tensor, slot_score: Tensor | None, bias: Tensor | None,
         topology: AttentionTopology, relu: bool,
     ) -> Tensor:
-        _share_threads()
-        heads, channels = att_src.shape
-        batch, n_nodes, _ = x.shape
-        x = x.detach().contiguous()
+        x = x.contiguous()
         out = torch.empty_like(x)
-        # Per node and head: a_sᵀ Θ x, a_dᵀ Θ x, maximum and sum of the softmax.
-        state = torch.empty(batch, n_nodes, 4, heads)
-        shift, score = _shift_and_score(bias, slot_score, heads, channels)
-        shape = (batch, n_nodes, heads, channels)
-        for x_b, out_b, state_b in zip(_array(x).reshape(shape), _array(out).reshape(shape), _array(state), strict=True):
-            kernels.node_scores(x_b, _array(att_src), _array(att_dst), topology.chunks, state_b)
-            kernels.aggregate(
-                x_b, state_b, score, slot_score is not None, topology.offsets, topology.sources, topology.chunks, shift,
-                relu, out_b,
-            )
+        state = torch.empty(*x.shape[:2], 4, len(att_src))
+        attend(x, att_src, att_dst, slot_score, bias, topology, relu=relu, out=out, state=state)
         ctx.save_for_backward(x, att_src, att_dst, slot_score, bias, out, state)
         ctx.topology, ctx.relu = topology, relu
         return out
@@ -77,10 +93,10 @@ class _FusedAttention(torch.autograd.Function):
         grad_x = torch.empty_like(x)
         grad_score = np.zeros((topology.n_slots if has_score else 1, heads), np.float32)
         # Reused by every sample of the batch: the gradient behind ReLU, per-slot and per-node terms, per-chunk sums.
-        masked = np.empty((n_nodes, heads, channels), np.float32)
-        grad_logit = np.empty((topology.n_slots, heads), np.float32)
-        grad_src = np.empty((n_nodes, heads), np.float32)
-        expected = np.empty((n_nodes, heads), np.float32)
+        masked = scratch.take("masked", (n_nodes, heads, channels))
+        grad_logit = scratch.take("grad logit", (topology.n_slots, heads))
+        grad_src = scratch.take("grad source", (n_nodes, heads))
+        expected = scratch.take("expected", (n_nodes, heads))
         sums = np.zeros((len(topology.chunks) - 1, 3, heads, channels), np.float32)
         shape = (batch, n_nodes, heads, channels)
         for x_b, out_b, state_b, grad_b, grad_x_b in zip(

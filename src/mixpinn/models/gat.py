@@ -30,7 +30,7 @@ class GATNetwork(nn.Module):
     def use_backend(self, backend: Backend) -> "GATNetwork":
         """Choose how the layers are computed; returns the network itself."""
         for layer in self.layers:
-            layer.backend = backend
+            layer.backend = backend  # type: ignore[assignment]
         return self
 
     def forward(self, x: Tensor, topology: AttentionTopology, edge_features: Tensor | None = None) -> Tensor:
@@ -38,5 +38,5 @@ class GATNetwork(nn.Module):
         slots = None if edge_features is None else topology.slot_features(edge_features)
         x = x[:, topology.order.to(x.device)]
         for layer in self.layers[:-1]:
-            x = layer(x, topology, slots, relu=True)
+            x = layer(x, topology, slots, relu=True, transient=True)
         return self.layers[-1](x, topology, slots)[:, topology.position.to(x.device)]

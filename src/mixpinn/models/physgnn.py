@@ -1,7 +1,5 @@
 """PhysGNN (Salehi and Giannacopoulos 2022), the baseline of the paper, sized as its authors sized it."""
 
-from collections.abc import Callable, Sequence
-
 import torch
 from torch import Tensor, nn
 from torch_geometric.nn import GraphConv, JumpingKnowledge, SAGEConv
@@ -40,16 +38,14 @@ class PhysGNNNetwork(nn.Module):
         shift = n_nodes * torch.arange(batch, device=x.device).repeat_interleave(edge_index.shape[1])
         edges, weight = edge_index.repeat(1, batch) + shift, (1.0 / edge_length).repeat(batch)
         x = x.flatten(0, 1)
-        x = self._stage(x, self.graph_convolutions, self.activations[:3], self.first_jump, lambda f, h: f(h, edges, weight))
-        x = self._stage(x, self.sage_convolutions, self.activations[3:], self.second_jump, lambda f, h: f(h, edges))
-        return self.head(x).view(batch, n_nodes, 3)
-
-    def _stage(
-        self, x: Tensor, convolutions: nn.ModuleList, activations: Sequence[nn.Module] | nn.ModuleList,
-        jump: JumpingKnowledge, apply: Callable[[nn.Module, Tensor], Tensor],
-    ) -> Tensor:
         states = []
-        for convolution, activation in zip(convolutions, activations, strict=True):
-            x = activation(apply(convolution, x))
+        for convolution, activation in zip(self.graph_convolutions, self.activations[:3], strict=True):
+            x = activation(convolution(x, edges, weight))
             states.append(x)
-        return self.dropout(jump(states))
+        x = self.dropout(self.first_jump(states))
+        states = []
+        for convolution, activation in zip(self.sage_convolutions, self.activations[3:], strict=True):
+            x = activation(convolution(x, edges))
+            states.append(x)
+        x = self.dropout(self.second_jump(states))
+        return self.head(x).view(batch, n_nodes, 3)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import torch
 from safetensors import SafetensorError, safe_open
-from safetensors.torch import save_file
+from safetensors.torch import save
 
 from mixpinn.base.errors import InputError
 from mixpinn.base.files import atomic_path
@@ -35,7 +35,8 @@ def write_tensors(path: Path | str, tensors: Mapping[str, torch.Tensor], *, abou
     }
     text = json.dumps(about)
     with atomic_path(path) as temporary:
-        save_file(plain, str(temporary), metadata={"about": text, _CHECKSUM: _checksum(plain, text)})
+        # Written here and not by safetensors, for ordinary permissions and an ordinary error when the disk is full.
+        temporary.write_bytes(save(plain, metadata={"about": text, _CHECKSUM: _checksum(plain, text)}))
 
 
 def read_tensors(path: Path | str) -> tuple[dict[str, torch.Tensor], object]:

@@ -1,1 +1,20 @@
 """What runs several stages."""
+
+from mixpinn.pipeline.config import RunConfig
+from mixpinn.pipeline.demo import DEMO
+from mixpinn.pipeline.evaluation_stage import Background, EvaluationConfig, evaluate_models
+from mixpinn.pipeline.run import run_pipeline
+from mixpinn.pipeline.simulation_stage import (
+    PAPER_TISSUE_CONFIG,
+    SimulationConfig,
+    TissueConfig,
+    make_scene,
+    make_simulations,
+)
+from mixpinn.pipeline.training_stage import ModelsConfig, SplitConfig, load_samples, train_model
+
+__all__ = [
+    "DEMO", "PAPER_TISSUE_CONFIG", "Background", "EvaluationConfig", "ModelsConfig", "RunConfig", "SimulationConfig",
+    "SplitConfig", "TissueConfig", "evaluate_models", "load_samples", "make_scene", "make_simulations",
+    "run_pipeline", "train_model",
+]

@@ -52,7 +52,7 @@ def read_contacts(path: Path | str) -> tuple[AnyArray, AnyArray]:
         raise InputError(str(path), expected="a file of contact nodes", got="no such file", fix="check the path")
     try:
         nodes, displacements = readers[path.suffix](path)
-    except (KeyError, ValueError, TypeError, OSError, zipfile.BadZipFile, csv.Error) as error:
+    except (KeyError, ValueError, TypeError, OSError, EOFError, zipfile.BadZipFile, csv.Error) as error:
         text = f"{type(error).__name__}: {error}"
         raise InputError(str(path), expected="contact nodes and their displacement", got=text, fix=_FIX) from error
     return nodes, displacements
@@ -61,13 +61,21 @@ def read_contacts(path: Path | str) -> tuple[AnyArray, AnyArray]:
 def _read_csv(path: Path) -> tuple[AnyArray, AnyArray]:
     with path.open(newline="") as file:
         rows = [row for row in csv.reader(file) if row and not row[0].lstrip().startswith("#")]
-    if rows and not rows[0][0].strip().lstrip("+-").isdigit():
+    if rows and not any(_is_number(value) for value in rows[0]):
         rows = rows[1:]
     wrong = next((row for row in rows if len(row) != 4), None)
     if wrong is not None:
         raise ValueError(f"a row of {len(wrong)} instead of 4 columns: {','.join(wrong)}")
     nodes = np.array([int(row[0]) for row in rows], dtype=np.int64)
     return nodes, np.array([[float(value) for value in row[1:]] for row in rows], dtype=np.float64).reshape(-1, 3)
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
 
 
 def _read_json(path: Path) -> tuple[AnyArray, AnyArray]:

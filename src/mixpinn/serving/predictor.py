@@ -25,7 +25,7 @@ class Predictor:
         config: of the network.
         mesh: the mesh that it was trained on.
         graph: what the network reads.
-        threads: CPU threads of a prediction; None leaves them as they are.
+        threads: CPU threads of the process from a prediction on; None leaves them as they are.
         loading_seconds: how long loading and warming up took [s].
 
     Example:

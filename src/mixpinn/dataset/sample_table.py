@@ -1,4 +1,4 @@
-"""Table: from simulations to samples."""
+"""Sample table: from simulations to samples."""
 
 import shutil
 from collections.abc import Iterable

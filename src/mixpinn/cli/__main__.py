@@ -1,0 +1,5 @@
+"""`python -m mixpinn.cli`."""
+
+from mixpinn.cli import main
+
+main()

@@ -1,0 +1,258 @@
+"""The verbs."""
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from mixpinn.base.config import build_config, parse_overrides, read_config_file
+from mixpinn.base.errors import InputError
+from mixpinn.base.progress import console
+
+app = typer.Typer(
+    name="mixpinn", no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False,
+    help="From CT label maps to a trained model of how soft tissue and rigid bodies move.",
+)
+export_app = typer.Typer(help="Write scenes for other simulators.", no_args_is_help=True)
+import_app = typer.Typer(help="Read recordings of other simulators.", no_args_is_help=True)
+app.add_typer(export_app, name="export")
+app.add_typer(import_app, name="import")
+
+Out = Annotated[Path, typer.Option("--out", "-o", help="Run directory; the same command goes on with an unfinished run.")]
+Set = Annotated[
+    list[str] | None, typer.Option("--set", help="Override a setting, for example train.max_epochs=20; repeatable."),
+]
+Config = Annotated[Path | None, typer.Option("--config", "-c", help="Settings as TOML or JSON.")]
+Threads = Annotated[int | None, typer.Option(help="CPU threads; every core by default.")]
+
+
+def _layers(config: Path | None, overrides: list[str] | None, **options: Any) -> list[dict[str, Any]]:
+    """Settings by file, then by option, then by --set."""
+    return [
+        read_config_file(config) if config else {},
+        {key: value for key, value in options.items() if value is not None},
+        parse_overrides(overrides or []),
+    ]
+
+
+def _simulations(folder: Path) -> Path:
+    """The store inside the run directory of `simulate`, or the store itself."""
+    for candidate in (folder / "store", folder):
+        if (candidate / "store.json").exists():
+            return candidate
+    raise InputError(
+        str(folder), expected="simulations", got="no store.json", fix="give the folder that 'mixpinn simulate' wrote",
+    )
+
+
+@app.command()
+def anatomy(
+    source: Annotated[str, typer.Argument(help="Folder with one NIfTI a structure, one multi-label NIfTI, or 'phantom'.")],
+    out: Out,
+    names: Annotated[Path | None, typer.Option(help="JSON {number: name} of a multi-label image.")] = None,
+    body: Annotated[str | None, typer.Option(help="Name or file of the body.")] = None,
+    rigid: Annotated[list[str] | None, typer.Option(help="A rigid structure; repeatable. Default: lumbar vertebrae.")] = None,
+    soft: Annotated[list[str] | None, typer.Option(help="A further soft tissue; repeatable.")] = None,
+    repair: Annotated[bool, typer.Option(help="Repair what the label check finds.")] = False,
+    seed: Annotated[int | None, typer.Option(help="Vary the phantom.")] = None,
+    config: Config = None,
+    overrides: Set = None,
+) -> None:
+    """Label maps → one checked label map in the world frame."""
+    from mixpinn.anatomy import AnatomyConfig, make_anatomy
+
+    kind = "phantom" if source == "phantom" else "folder" if Path(source).is_dir() else "multilabel"
+    settings = build_config(AnatomyConfig, *_layers(
+        config, overrides, source=kind, path=None if kind == "phantom" else source, names=names and str(names),
+        body=body, rigid=rigid and tuple(rigid), soft=soft and tuple(soft), repair=repair or None, seed=seed,
+    ))
+    result = make_anatomy(settings, out=out)
+    label_map = result.label_map
+    console.print(f"{', '.join(label_map.names)}: {'×'.join(map(str, label_map.labels.shape))} voxels in {out}")
+    for finding in result.findings:
+        console.print(f"[yellow]{finding.kind}[/] {finding.structure}: {finding.detail}")
+
+
+@app.command()
+def mesh(
+    source: Annotated[Path, typer.Argument(help="Folder that 'mixpinn anatomy' wrote, or a ready .vtu.")],
+    out: Out,
+    size: Annotated[float | None, typer.Option(help="1 is the paper's resolution, larger is coarser.")] = None,
+    mesher: Annotated[str | None, typer.Option(help="cgal, tetwild or auto.")] = None,
+    fixed: Annotated[Path | None, typer.Option(help="File of fixed node indices for a ready .vtu.")] = None,
+    config: Config = None,
+    overrides: Set = None,
+) -> None:
+    """Label map → labelled tetrahedral mesh with its statistics, quality and fidelity."""
+    from mixpinn.mesh import MeshConfig, make_mesh
+    from mixpinn.records import LabelMap
+
+    settings = build_config(MeshConfig, *_layers(
+        config, overrides, size=size, mesher=mesher, fixed=fixed and str(fixed),
+    ))
+    given: LabelMap | Path = source if source.suffix == ".vtu" else LabelMap.load(source / "labels.nii.gz")
+    result = make_mesh(given, settings, out=out)
+    console.print(result.statistics.table())
+    console.print(result.quality.table())
+    if result.fidelity is not None:
+        console.print(result.fidelity.table())
+
+
+@app.command()
+def simulate(
+    source: Annotated[Path, typer.Argument(help="Folder that 'mixpinn mesh' wrote, or its mesh.vtu.")],
+    out: Out,
+    protocol: Annotated[str | None, typer.Option(help="paper, anatomy, small, tiny or sofa-replay.")] = None,
+    probe: Annotated[Path | None, typer.Option(help="Probe surface (.stl), tip at the origin, pointing to −y.")] = None,
+    positions: Annotated[Path | None, typer.Option(help="File with one probe position a line.")] = None,
+    paper_constants: Annotated[bool, typer.Option(help="Tissue constants of the paper's fields.")] = False,
+    workers: Annotated[int | None, typer.Option(help="Processes; every core by default.")] = None,
+    scheduler: Annotated[str | None, typer.Option(help="Address of a Dask scheduler to use instead.")] = None,
+    config: Config = None,
+    overrides: Set = None,
+) -> None:
+    """Press the probe over the grid of poses; finished poses are kept if the command is stopped."""
+    from mixpinn.dataset import PROTOCOLS
+    from mixpinn.pipeline import PAPER_TISSUE_CONFIG, SimulationConfig, make_simulations
+    from mixpinn.records import TissueMesh
+
+    if protocol is not None and protocol not in PROTOCOLS:
+        raise InputError(
+            f"--protocol {protocol}", expected="one of " + ", ".join(PROTOCOLS), got=protocol, fix="choose one of them",
+        )
+    settings = build_config(SimulationConfig, *_layers(
+        config, overrides, protocol=protocol and asdict(PROTOCOLS[protocol]), probe=probe and str(probe),
+        positions=positions and str(positions), workers=workers,
+        tissue=asdict(PAPER_TISSUE_CONFIG) if paper_constants else None,
+    ))
+    path = source if source.suffix == ".vtu" else source / "mesh.vtu"
+    _, summary = make_simulations(TissueMesh.load(path), settings, out=out, scheduler=scheduler)
+    if summary.failed or summary.failed_steps:
+        console.print(f"[yellow]{summary.failed} poses and {summary.failed_steps} steps failed[/]; see {out}/poses.png")
+
+
+@app.command()
+def dataset(
+    source: Annotated[Path, typer.Argument(help="Folder that 'mixpinn simulate' wrote.")],
+    config: Config = None,
+    overrides: Set = None,
+) -> None:
+    """Positions, poses and samples of each part of the split."""
+    from mixpinn.dataset import SimulationStore, dataset_table
+    from mixpinn.evaluation import dataset_counts_table
+    from mixpinn.pipeline import SplitConfig, load_samples
+
+    store = SimulationStore.open(_simulations(source))
+    table, split = load_samples(store, build_config(SplitConfig, *_layers(config, overrides)))
+    console.print(dataset_counts_table(dataset_table(table, split)).rich())
+
+
+@app.command()
+def train(
+    source: Annotated[Path, typer.Argument(help="Folder that 'mixpinn simulate' wrote.")],
+    out: Out,
+    model: Annotated[str, typer.Option(help="mixpinn, simple-gat, physgnn or row-1 … row-13.")] = "mixpinn",
+    width: Annotated[str | None, typer.Option(help="tiny, desk, authors or paper.")] = None,
+    epochs: Annotated[int | None, typer.Option(help="Largest number of epochs.")] = None,
+    scaling: Annotated[str | None, typer.Option(help="none or standard.")] = None,
+    devices: Annotated[int, typer.Option(help="Processes, each with a device of its own.")] = 1,
+    config: Config = None,
+    overrides: Set = None,
+) -> None:
+    """Train one model; an interrupted run goes on to the same loss curve."""
+    from mixpinn.dataset import SimulationStore
+    from mixpinn.pipeline import ModelsConfig, SplitConfig, load_samples, train_model
+
+    settings = build_config(
+        ModelsConfig, {"names": [model]}, *_layers(config, None, width=width, scaling=scaling),
+        {"train": {"max_epochs": epochs}} if epochs else {}, parse_overrides(overrides or []),
+    )
+    store = SimulationStore.open(_simulations(source))
+    table, split = load_samples(store, SplitConfig())
+    result = train_model(model, settings, table, split, store, out=out, devices=devices)
+    console.print(
+        f"{len(result.history)} epochs, best {result.best_epoch} with {result.best_validation_loss:.4f} mm on the "
+        f"validation positions ({result.stopped_by}); model in {out}"
+    )
+
+
+@app.command()
+def evaluate(
+    source: Annotated[Path, typer.Argument(help="Folder that 'mixpinn simulate' wrote.")],
+    models: Annotated[list[Path], typer.Argument(help="Folders that 'mixpinn train' wrote.")],
+    out: Out,
+    pictures: Annotated[bool, typer.Option(help="Render the deformed mesh.")] = True,
+    paper: Annotated[bool, typer.Option(help="Show the paper's rows too.")] = False,
+    threads: Threads = None,
+) -> None:
+    """Metrics on the test positions, pictures and the HTML report."""
+    from mixpinn.base.files import read_json
+    from mixpinn.dataset import SimulationStore
+    from mixpinn.pipeline import (
+        Background,
+        EvaluationConfig,
+        SimulationConfig,
+        SplitConfig,
+        evaluate_models,
+        load_samples,
+    )
+
+    store = SimulationStore.open(_simulations(source))
+    record = source / "run.json"
+    simulation = build_config(SimulationConfig, read_json(record)["config"]) if record.exists() else SimulationConfig()
+    table, split = load_samples(store, SplitConfig())
+    _, report = evaluate_models(
+        models, store, table, split, EvaluationConfig(pictures=pictures, with_paper=paper), out=out,
+        background=Background(simulation=simulation), threads=threads,
+    )
+    console.print(f"Report: {report}")
+
+
+@app.command()
+def predict(
+    model: Annotated[Path, typer.Argument(help="Folder that 'mixpinn train' wrote.")],
+    out: Annotated[Path, typer.Option("--out", "-o", help="Deformed mesh: .vtu, .stl or .ply.")],
+    contacts: Annotated[Path | None, typer.Option(help="Contact nodes and displacements: .csv, .json or .npz.")] = None,
+    simulations: Annotated[Path | None, typer.Option(help="Take a sample of these simulations instead.")] = None,
+    position: Annotated[int, typer.Option(help="Index of the sample's probe position.")] = 0,
+    rotation: Annotated[float, typer.Option(help="Its rotation in degrees.")] = 0.0,
+    depth: Annotated[float | None, typer.Option(help="Its depth in mm; the deepest by default.")] = None,
+    threads: Threads = None,
+) -> None:
+    """Contact displacement → deformed mesh, for ParaView and 3D Slicer."""
+    from mixpinn.serving import SampleAddress, predict_stage
+
+    if (contacts is None) == (simulations is None):
+        raise InputError(
+            "predict", expected="either --contacts or --simulations", got="both or neither", fix="give one of them",
+        )
+    source: Path | SampleAddress
+    if contacts is not None:
+        source = contacts
+    else:
+        assert simulations is not None
+        source = SampleAddress(_simulations(simulations), position, rotation, depth)
+    predict_stage(model, source, out, threads=threads)
+    console.print(f"Deformed mesh: {out}")
+
+
+@app.command()
+def run(
+    config: Annotated[Path, typer.Argument(help="Settings of all stages as TOML or JSON.")],
+    out: Out,
+    overrides: Set = None,
+    threads: Threads = None,
+) -> None:
+    """The whole pipeline, from label maps to report; goes on where it was stopped."""
+    from mixpinn.pipeline import RunConfig, run_pipeline
+
+    run_pipeline(build_config(RunConfig, *_layers(config, overrides)), out=out, threads=threads)
+
+
+@app.command()
+def demo(out: Out = Path("runs/demo"), overrides: Set = None, threads: Threads = None) -> None:
+    """The whole pipeline on the built-in phantom."""
+    from mixpinn.pipeline import DEMO, RunConfig, run_pipeline
+
+    run_pipeline(build_config(RunConfig, asdict(DEMO), *_layers(None, overrides)), out=out, threads=threads)

@@ -1,0 +1,162 @@
+"""The stage: label map, surfaces or ready mesh in; labelled mesh, its table, quality, fidelity and picture out."""
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Literal, TypeVar
+
+from mixpinn.base.config import build_config
+from mixpinn.base.errors import InputError
+from mixpinn.base.files import read_json, write_json, write_text
+from mixpinn.base.progress import console, progress_bar
+from mixpinn.base.rundir import finish_run, is_finished, start_run
+from mixpinn.mesh.cgal_mesher import CgalMesher
+from mixpinn.mesh.check_surface import check_surfaces
+from mixpinn.mesh.extract import SurfaceConfig, extract_surfaces
+from mixpinn.mesh.fidelity import MeshFidelity, mesh_fidelity
+from mixpinn.mesh.import_vtu import import_vtu
+from mixpinn.mesh.label import label_mesh
+from mixpinn.mesh.mesher import Mesher, Sizing, has_cgal
+from mixpinn.mesh.picture import draw_mesh
+from mixpinn.mesh.quality import MeshQuality, mesh_quality
+from mixpinn.mesh.statistics import MeshStatistics, mesh_statistics
+from mixpinn.mesh.surface import DomainSurfaces
+from mixpinn.mesh.tetwild_mesher import TetwildMesher
+from mixpinn.records.label_map import LabelMap
+from mixpinn.records.tissue_mesh import TissueMesh
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class MeshConfig:
+    """How a mesh is made.
+
+    Attributes:
+        mesher: CGAL, fTetWild, or CGAL where it is installed and else fTetWild.
+        size: factor on all lengths of `sizing` and on the gap of `surface`: 1 is the paper's mesh, 2 is coarser.
+        sizing: criteria of the mesher at size 1.
+        surface: smoothing and gap at size 1.
+        fixed: for an imported mesh, a file of the indices of fixed nodes.
+        rigid_names: for an imported mesh, names of its rigid parts.
+        picture: draw ``mesh.png``.
+    """
+
+    mesher: Literal["auto", "cgal", "tetwild"] = "auto"
+    size: float = 1.0
+    sizing: Sizing = field(default_factory=Sizing)
+    surface: SurfaceConfig = field(default_factory=SurfaceConfig)
+    fixed: str | None = None
+    rigid_names: tuple[str, ...] | None = None
+    picture: bool = True
+
+
+@dataclass(frozen=True, eq=False)
+class MeshResult:
+    """A mesh and what was measured on it; `fidelity` is absent for imported meshes and handed-in surfaces."""
+
+    mesh: TissueMesh
+    statistics: MeshStatistics
+    quality: MeshQuality
+    fidelity: MeshFidelity | None
+
+    @staticmethod
+    def load(folder: Path | str) -> "MeshResult":
+        """Read a finished run directory.
+
+        Raises:
+            InputError: absent or damaged.
+        """
+        folder = Path(folder)
+        fidelity = folder / "fidelity.json"
+        return MeshResult(
+            TissueMesh.load(folder / "mesh.vtu"),
+            build_config(MeshStatistics, read_json(folder / "statistics.json")),
+            build_config(MeshQuality, read_json(folder / "quality.json")),
+            build_config(MeshFidelity, read_json(fidelity)) if fidelity.exists() else None,
+        )
+
+
+def make_mesher(name: Literal["auto", "cgal", "tetwild"]) -> Mesher:
+    """The mesher called `name`; ``auto`` is CGAL where it is installed, else fTetWild."""
+    if name == "cgal" or (name == "auto" and has_cgal()):
+        return CgalMesher()
+    return TetwildMesher()
+
+
+def make_mesh(
+    source: LabelMap | DomainSurfaces | Path | str, config: MeshConfig | None = None, *, out: Path | str | None = None,
+) -> MeshResult:
+    """Mesh a label map or closed surfaces, or import a ready mesh.
+
+    Args:
+        source: a label map, closed surfaces, or the path of a mesh that `import_vtu` reads.
+        config: criteria and mesher.
+        out: run directory for ``mesh.vtu``, ``statistics.json``, ``statistics.md``, ``quality.json``,
+            ``fidelity.json`` and ``mesh.png``; a finished run there is loaded instead of made again.
+
+    Raises:
+        InputError: the source cannot be meshed, or `out` holds another run.
+    """
+    config = config or MeshConfig()
+    if out is None:
+        return _measure(*_build(source, config))
+    out = Path(out)
+    if isinstance(source, Path | str):
+        inputs = {"mesh": Path(source)} | ({"fixed": Path(config.fixed)} if config.fixed else {})
+        if not Path(source).is_file():
+            raise InputError(str(source), expected="a mesh (.vtu)", got="no such file", fix="check the path")
+        begun = start_run(out, "mesh", config, inputs=inputs)
+    else:
+        begun = start_run(out, "mesh", config, input_hashes={"source": source.hash()})
+    if begun and is_finished(out):
+        return MeshResult.load(out)
+    result = _measure(*_build(source, config))
+    result.mesh.save(out / "mesh.vtu")
+    write_json(out / "statistics.json", result.statistics)
+    write_json(out / "quality.json", result.quality)
+    report = result.statistics.markdown()
+    if result.fidelity is not None:
+        write_json(out / "fidelity.json", result.fidelity)
+        report += "\n" + result.fidelity.markdown()
+    write_text(out / "statistics.md", report)
+    if config.picture:
+        try:
+            draw_mesh(result.mesh, out / "mesh.png")
+        except InputError as error:  # a mesh without its picture is still a mesh
+            console.print(f"no picture: {error}")
+    finish_run(out, {"points": result.mesh.n_points, "hash": result.mesh.hash(), "quality": asdict(result.quality)})
+    return result
+
+
+def _build(source: LabelMap | DomainSurfaces | Path | str, config: MeshConfig) -> tuple[TissueMesh, LabelMap | None]:
+    if isinstance(source, Path | str):
+        return import_vtu(source, fixed=config.fixed, rigid_names=config.rigid_names), None
+    label_map = source if isinstance(source, LabelMap) else None
+    sizing = config.sizing.scaled(config.size)
+    mesher = make_mesher(config.mesher)
+    if isinstance(source, LabelMap):
+        surface_config = SurfaceConfig(
+            config.surface.body_smoothing, config.surface.rigid_smoothing, config.surface.gap * config.size,
+        )
+        surfaces = _announce("surfaces", lambda: extract_surfaces(source, surface_config))
+    else:
+        surfaces = _announce("check of the surfaces", lambda: check_surfaces(source))
+    points, cells = _announce(f"tetrahedra ({mesher.name})", lambda: mesher.fill(surfaces, sizing))
+    return label_mesh(points, cells, surfaces, label_map=label_map), label_map
+
+
+def _measure(mesh: TissueMesh, label_map: LabelMap | None) -> MeshResult:
+    fidelity = None
+    if label_map is not None:
+        fidelity = _announce("comparison with the label map", lambda: mesh_fidelity(mesh, label_map))
+    return MeshResult(mesh, mesh_statistics(mesh), mesh_quality(mesh), fidelity)
+
+
+def _announce(step: str, work: Callable[[], T]) -> T:
+    """Do `work` behind a bar that shows the step and the time it takes; libraries give no finer progress."""
+    with progress_bar() as bar:
+        task = bar.add_task(step, total=None)
+        result = work()
+        bar.update(task, total=1, completed=1)
+    return result

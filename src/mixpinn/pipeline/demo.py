@@ -1,0 +1,24 @@
+"""The demo: the whole pipeline on the built-in phantom, small enough for a laptop's coffee break."""
+
+from dataclasses import replace
+
+from mixpinn.anatomy import AnatomyConfig
+from mixpinn.dataset import SMALL
+from mixpinn.graph import Scaling
+from mixpinn.mesh import MeshConfig
+from mixpinn.pipeline.config import RunConfig
+from mixpinn.pipeline.simulation_stage import SimulationConfig
+from mixpinn.pipeline.training_stage import ModelsConfig
+from mixpinn.training import TrainConfig
+
+DEMO = RunConfig(
+    title="Demo: a probe pressed on a lumbar phantom",
+    anatomy=AnatomyConfig(source="phantom"),
+    mesh=MeshConfig(size=2.0),
+    simulation=SimulationConfig(protocol=replace(SMALL, max_positions=20, steps=10)),
+    models=ModelsConfig(
+        names=("mixpinn", "simple-gat"), width="desk", scaling=Scaling.STANDARD,
+        train=TrainConfig(learning_rate=2e-3, max_epochs=60, time_budget=75.0),
+    ),
+)
+"""Twenty positions, one rotation, ten steps of 1 mm, two small networks."""

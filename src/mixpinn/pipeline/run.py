@@ -1,0 +1,96 @@
+"""The whole pipeline: label maps → mesh → simulations → trained models → report."""
+
+import time
+from collections.abc import Callable
+from dataclasses import asdict
+from pathlib import Path
+from typing import TypeVar
+
+from mixpinn.anatomy import AnatomyResult, make_anatomy
+from mixpinn.base.files import read_json, write_json
+from mixpinn.base.progress import console
+from mixpinn.base.rundir import finish_run, start_run
+from mixpinn.evaluation import Table
+from mixpinn.mesh import MeshResult, make_mesh
+from mixpinn.pipeline.config import RunConfig
+from mixpinn.pipeline.evaluation_stage import Background, evaluate_models
+from mixpinn.pipeline.simulation_stage import make_simulations
+from mixpinn.pipeline.training_stage import load_samples, train_model
+
+T = TypeVar("T")
+TIMES = "stage_seconds.json"
+
+
+class _Clock:
+    """Wall time of each stage, kept over interruptions; a stage found finished keeps the time of its first run."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self.seconds: dict[str, float] = read_json(path) if path.exists() else {}
+
+    def measure(self, name: str, work: Callable[[], T]) -> T:
+        console.rule(name)
+        start = time.perf_counter()
+        result = work()
+        self.seconds[name] = max(self.seconds.get(name, 0.0), time.perf_counter() - start)
+        write_json(self._path, self.seconds)
+        return result
+
+
+def run_pipeline(config: RunConfig, *, out: Path | str, threads: int | None = None) -> Path:
+    """Run every stage into subfolders of `out`; a run begun there before goes on where it stopped.
+
+    Args:
+        config: all stages.
+        out: run directory: ``anatomy/``, ``mesh/``, ``simulation/``, ``models/NAME/``, ``evaluation/``.
+        threads: CPU threads of training and prediction; None takes every core.
+
+    Returns:
+        Path of the HTML report.
+
+    Raises:
+        InputError: bad input at any stage; stages before it are kept.
+    """
+    out = Path(out)
+    start_run(out, "run", asdict(config))
+    clock = _Clock(out / TIMES)
+    anatomy = clock.measure("Anatomy", lambda: make_anatomy(config.anatomy, out=out / "anatomy"))
+    meshed = clock.measure("Mesh", lambda: make_mesh(anatomy.label_map, config.mesh, out=out / "mesh"))
+    store, summary = clock.measure(
+        "Simulation", lambda: make_simulations(meshed.mesh, config.simulation, out=out / "simulation"),
+    )
+    table, split = load_samples(store, config.split)
+    split.save(out / "split.json")
+    for name in config.models.names:
+        clock.measure(
+            f"Training {name}",
+            lambda name=name: train_model(  # type: ignore[misc]
+                name, config.models, table, split, store, out=out / "models" / name,
+            ),
+        )
+    background = Background(
+        title=config.title, introduction=_introduction(config, meshed, len(store.poses), len(table)),
+        setup=(*_findings(anatomy), *_quality(meshed)), stage_seconds=dict(clock.seconds), summary=summary,
+        simulation=config.simulation, provenance={"Anatomy": {"label map": anatomy.label_map.hash()}},
+    )
+    evaluations, report = clock.measure("Evaluation", lambda: evaluate_models(
+        [out / "models" / name for name in config.models.names], store, table, split, config.evaluation,
+        out=out / "evaluation", background=background, threads=threads,
+    ))
+    finish_run(out, {
+        "report": str(report), "stage_seconds": clock.seconds,
+        "mee": {evaluation.model: float(evaluation.metrics["mee"].mean()) for evaluation in evaluations},
+    })
+    console.print(f"Report: {report}")
+    return report
+
+
+def _introduction(config: RunConfig, meshed: MeshResult, poses: int, samples: int) -> str:
+    mesh = meshed.mesh
+    source = "the built-in lumbar phantom" if config.anatomy.source == "phantom" else "the label maps of one patient"
+    return (
+        f"From {source}, a tetrahedral mesh of {mesh.n_points:,} nodes with {mesh.n_parts} rigid parts was built. An "
+        f"ultrasound probe was pressed into it in {poses} poses by a finite-element solver with finite strains, rigid "
+        f"bodies and frictional contact, which gave {samples:,} samples. The models below learned from most probe "
+        "positions and are tested on positions that they have never seen."
+    )

@@ -1,0 +1,54 @@
+"""Contact files of each format, and their refusals."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mixpinn.base.errors import InputError
+from mixpinn.serving import read_contacts
+
+NODES, MOVED = np.array([7, 3]), np.array([[0.0, -1.5, 0.25], [1e-3, -2.0, 0.0]])
+TEXTS = {
+    "with header.csv": "node,dx,dy,dz\n7,0,-1.5,0.25\n3,1e-3,-2,0\n",
+    "plain.csv": "# moved by the probe\n7, 0, -1.5, 0.25\n\n3, 1e-3, -2, 0\n",
+    "file.json": json.dumps({"nodes": NODES.tolist(), "displacements": MOVED.tolist()}),
+}
+
+
+@pytest.mark.parametrize("name", [*TEXTS, "file.npz"])
+def test_each_format_is_read(tmp_path: Path, name: str) -> None:
+    path = tmp_path / name
+    if name in TEXTS:
+        path.write_text(TEXTS[name])
+    else:
+        np.savez(path, nodes=NODES, displacements=MOVED)
+    nodes, displacements = read_contacts(path)
+    np.testing.assert_array_equal(nodes, NODES)
+    np.testing.assert_array_equal(displacements, MOVED)
+
+
+BAD = {
+    "three columns.csv": b"1,0,0\n", "words.csv": b"node,dx,dy,dz\n1,a,b,c\n", "half.csv": b"1.5,0,0,0\n2,0,0,0\n",
+    "bytes.csv": b"\xff\xfe\x00\x01", "list.json": b"[1, 2]", "cut.json": b'{"nodes": [1',
+    "keys.json": b'{"nodes": [1]}',
+    "ragged.json": b'{"nodes": [1, 2], "displacements": [[1, 2, 3], [1]]}', "cut.npz": b"PK\x03\x04", "empty.npz": b"",
+    "contacts.txt": b"1,0,0,0", "contacts": b"1,0,0,0",
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_bad_files_are_refused(tmp_path: Path, name: str) -> None:
+    (tmp_path / name).write_bytes(BAD[name])
+    with pytest.raises(InputError) as raised:
+        read_contacts(tmp_path / name)
+    assert "\n" not in str(raised.value)
+
+
+def test_absent_files_and_pickled_arrays_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no such file"):
+        read_contacts(tmp_path / "none.csv")
+    np.savez(tmp_path / "objects.npz", nodes=np.array([1, "a"], dtype=object), displacements=MOVED)
+    with pytest.raises(InputError, match="contact nodes"):
+        read_contacts(tmp_path / "objects.npz")
