@@ -63,6 +63,7 @@ def test_headline_in_plain_words(content: ReportContent) -> None:
     assert "20 simulated situations at 4 probe positions" in headline.sentence
     assert "MIXPINN predicts the position of each point of the body to 0.75 mm on average" in headline.sentence
     assert "8.0 times better than predicting no motion" in headline.sentence
+    assert "Mean errors for comparison: Simple GAT 1.8 mm." in headline.sentence
     assert "12 ms, against 1,200 ms" in headline.sentence
     assert ("0.75 mm", "mean error of MIXPINN") in headline.cards
 

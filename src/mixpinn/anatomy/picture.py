@@ -15,7 +15,7 @@ from mixpinn.base.files import atomic_path
 from mixpinn.records.label_map import LabelMap
 
 _VIEWS = (  # title, axis across, axis down, axis looked along
-    ("from behind", 0, 2, 1), ("from the patient's right", 1, 2, 0), ("from below", 0, 1, 2),
+    ("from behind", 0, 2, 1), ("from the patient's left", 1, 2, 0), ("from above", 0, 1, 2),
 )
 _AXES = ("x, right", "y, back", "z, down")
 _BACKGROUND, _BODY = (1.0, 1.0, 1.0), (0.93, 0.80, 0.72)

@@ -61,6 +61,7 @@ def anatomy(
 ) -> None:
     """Label maps → one checked label map in the world frame."""
     from mixpinn.anatomy import AnatomyConfig, make_anatomy
+    from mixpinn.pipeline import findings_table
 
     kind = "phantom" if source == "phantom" else "folder" if Path(source).is_dir() else "multilabel"
     settings = build_config(AnatomyConfig, *_layers(
@@ -70,8 +71,8 @@ def anatomy(
     result = make_anatomy(settings, out=out)
     label_map = result.label_map
     console.print(f"{', '.join(label_map.names)}: {'×'.join(map(str, label_map.labels.shape))} voxels in {out}")
-    for finding in result.findings:
-        console.print(f"[yellow]{finding.kind}[/] {finding.structure}: {finding.detail}")
+    if result.findings:
+        console.print(findings_table(result.findings).rich())
 
 
 @app.command()
@@ -86,6 +87,7 @@ def mesh(
 ) -> None:
     """Label map → labelled tetrahedral mesh with its statistics, quality and fidelity."""
     from mixpinn.mesh import MeshConfig, make_mesh
+    from mixpinn.pipeline import fidelity_table, quality_table
     from mixpinn.records import LabelMap
 
     settings = build_config(MeshConfig, *_layers(
@@ -94,9 +96,9 @@ def mesh(
     given: LabelMap | Path = source if source.suffix == ".vtu" else LabelMap.load(source / "labels.nii.gz")
     result = make_mesh(given, settings, out=out)
     console.print(result.statistics.table())
-    console.print(result.quality.table())
+    console.print(quality_table(result.quality).rich())
     if result.fidelity is not None:
-        console.print(result.fidelity.table())
+        console.print(fidelity_table(result.fidelity).rich())
 
 
 @app.command()

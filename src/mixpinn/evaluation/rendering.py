@@ -113,8 +113,8 @@ def render_comparison(case: Case, path: Path | str) -> Picture:
     probe = _add_probe(plotter, case, opacity=0.3)
     aim(plotter, np.concatenate([reference.points, _close_to(probe, case.tip, 45.0)]), view)
     plotter.add_legend(
-        [[f"{case.model}, predicted", _PREDICTED], ["Finite elements", _FEM_LINE]], bcolor=None, size=(0.26, 0.085),
-        loc="lower left", face="rectangle",
+        [[f"{case.model}, predicted", _PREDICTED], ["Finite elements", _FEM_LINE]], bcolor=None, size=(0.24, 0.075),
+        loc="upper left", face="rectangle",
     )
     shoot(plotter, path)
     return Picture(Path(path), (
@@ -143,7 +143,7 @@ def render_cut(case: Case, path: Path | str) -> Picture:
     probe = _add_probe(plotter, case, opacity=1.0)
     aim(plotter, np.concatenate([_back(body.points, case), _close_to(probe, case.tip, 70.0)]), _SIDE)
     if legend:
-        plotter.add_legend(legend, bcolor=None, size=(0.11, 0.045 * len(legend)), loc="upper left", face="rectangle")
+        plotter.add_legend(legend, bcolor=None, size=(0.1, 0.038 * len(legend)), loc="upper left", face="rectangle")
     shoot(plotter, path)
     return Picture(Path(path), (
         f"The body at {case.depth:.0f} mm indentation, computed with finite elements and cut lengthwise; "

@@ -154,6 +154,11 @@ def summarise_run(content: ReportContent) -> Headline:
         else:
             sentence += "no better than predicting no motion."
             cards.append(("none", "gain over predicting no motion"))
+    others = ", ".join(
+        f"{e.model} {_round(float(e.metrics['mee'].mean()))} mm" for e in learned if e is not best
+    )
+    if others:
+        sentence += f" Mean errors for comparison: {others}."
     cards.append((f"{_round(error.p95)} mm", "below this in 95 % of situations"))
     if len(best.seconds):
         milliseconds = float(np.median(best.seconds)) * 1e3

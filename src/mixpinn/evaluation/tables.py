@@ -16,6 +16,7 @@ from mixpinn.evaluation.paper import (
 )
 from mixpinn.evaluation.statistics import depth_profile, summarise_metrics
 from mixpinn.evaluation.table import Cell, Table
+from mixpinn.mesh import mesh_statistics
 from mixpinn.records import Evaluation, TissueMesh
 
 if TYPE_CHECKING:
@@ -152,16 +153,16 @@ def ablation_table(measured: Mapping[int, Evaluation]) -> Table:
 
 def mesh_table(mesh: TissueMesh, *, with_paper: bool = False) -> Table:
     """Points and directed edges of each label; an edge belongs to a rigid part if both its ends do."""
-    names = [part_label(name) for name in (SOFT, *mesh.rigid_names)]
-    points = np.bincount(mesh.part, minlength=len(names))
-    edges = 2 * np.bincount(mesh.edge_part, minlength=len(names))
-    rows: list[tuple[Cell, ...]] = [(name, int(points[k]), int(edges[k])) for k, name in enumerate(names)]
-    rows.append(("Total", int(points.sum()), int(edges.sum())))
+    counts = mesh_statistics(mesh)
+    rows: list[tuple[Cell, ...]] = [
+        (part_label(part.name if part.label else SOFT), part.points, part.edges) for part in counts.parts
+    ]
+    rows.append(("Total", counts.points, counts.edges))
     columns: tuple[str, ...] = ("Part", "Points", "Directed edges")
     if with_paper and len(rows) == len(PAPER_MESH):
         rows = [(*row, *quoted[1:]) for row, quoted in zip(rows, PAPER_MESH, strict=True)]
         columns += ("Points (paper)", "Directed edges (paper)")
-    note = f"{len(mesh.cells):,} tetrahedra, {int(mesh.fixed.sum()):,} fixed nodes."
+    note = f"{counts.cells:,} tetrahedra, {counts.fixed:,} fixed nodes."
     return Table("Mesh", columns, tuple(rows), note)
 
 

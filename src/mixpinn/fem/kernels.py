@@ -5,6 +5,9 @@ run in threads and the result does not depend on how many. Shapes, for m cells a
 ``displacement`` (n, 3) [mm], ``gradients`` (m, 4, 3) rest gradients G_a of the shape functions [1/mm], ``volumes`` (m,)
 [mm³], ``kinds`` (m,) one of the codes below, ``mu`` and ``lam`` (m,) [N/mm²].
 
+Numba caches each file on its own: after a change of `mixpinn.fem.projection` this file's cache must be renewed too
+(touch it, or delete ``__pycache__``).
+
 The deformation gradient is kept as F = 1 + H with H = Σ_a u_a ⊗ G_a, so that small strains lose no digits.
 """
 

@@ -66,7 +66,8 @@ class CgalMesher:
             if run.returncode != 0 or not medit.is_file():
                 last = (run.stderr or run.stdout).strip().splitlines()[-1:] or ["no message"]
                 raise InputError(
-                    what, expected="surfaces that CGAL can mesh", got=f"exit code {run.returncode} ({last[0]})", fix=_FIX,
+                    what, expected="surfaces that CGAL can mesh", got=f"exit code {run.returncode} ({last[0]})",
+                    fix=_FIX,
                 )
             return tidy(*_read_medit(medit), what=what)
 

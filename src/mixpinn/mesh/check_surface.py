@@ -2,7 +2,6 @@
 
 import numba
 import numpy as np
-from scipy import sparse
 
 from mixpinn.base.arrays import AnyArray, FloatArray, IntArray
 from mixpinn.base.errors import InputError
@@ -33,7 +32,7 @@ def check_surface(surface: Surface) -> Surface:
         first = surface.points[triangles[crossings[0, 0]]].mean(axis=0)
         raise InputError(
             surface.name, expected="a surface that does not intersect itself",
-            got=f"{len(crossings)} pairs of triangles that cross, the first near ({first[0]:.1f}, {first[1]:.1f}, {first[2]:.1f})",
+            got=f"{len(crossings)} pairs of triangles that cross, the first near {np.round(first, 1).tolist()}",
             fix="repair it in a mesh editor",
         )
     if abs(surface.volume) < 1e-9:
@@ -54,15 +53,18 @@ def check_surfaces(surfaces: DomainSurfaces) -> DomainSurfaces:
                 rigid.name, expected=f"a rigid part inside {checked.body.name}", got="vertices outside it or on it",
                 fix="correct the surfaces or their frame",
             )
-        inside = [other.name for other in checked.rigid if other is not rigid and (other.distance(rigid.points) <= 0.0).any()]
+        others = [other for other in checked.rigid if other is not rigid]
+        inside = [other.name for other in others if (other.distance(rigid.points) <= 0.0).any()]
         if inside:
             raise InputError(
-                rigid.name, expected="disjoint rigid parts", got=f"an overlap with {inside[0]}", fix="separate the surfaces",
+                rigid.name, expected="disjoint rigid parts", got=f"an overlap with {inside[0]}",
+                fix="separate the surfaces",
             )
     points, triangles = checked.domain()
     if len(self_intersections(points, triangles)):
         raise InputError(
-            checked.body.name, expected="surfaces that do not cross", got="crossing triangles", fix="separate the surfaces",
+            checked.body.name, expected="surfaces that do not cross", got="crossing triangles",
+            fix="separate the surfaces",
         )
     return checked
 

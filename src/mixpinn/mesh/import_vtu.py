@@ -78,7 +78,8 @@ def _read(path: Path) -> pv.UnstructuredGrid:
     except Exception as error:  # readers raise many kinds: unknown suffix, XML, encoding
         raise InputError(str(path), expected=expected, got=f"{type(error).__name__}: {error}", fix=fix) from error
     if not isinstance(grid, pv.UnstructuredGrid) or not grid.n_cells:
-        raise InputError(str(path), expected=expected, got=f"a damaged file or no cells ({type(grid).__name__})", fix=fix)
+        got = f"a damaged file or no cells ({type(grid).__name__})"
+        raise InputError(str(path), expected=expected, got=got, fix=fix)
     kinds = {pv.CellType(kind).name.lower() for kind in np.unique(grid.celltypes)} - {"tetra"}
     if kinds:
         raise InputError(
@@ -117,7 +118,8 @@ def _read_fixed(path: Path, grid: pv.UnstructuredGrid) -> BoolArray:
     try:
         indices = np.array(path.read_text().split(), dtype=np.int64)
     except OSError as error:
-        raise InputError(str(path), expected=expected, got=error.strerror or str(error), fix="check the path") from error
+        got = error.strerror or str(error)
+        raise InputError(str(path), expected=expected, got=got, fix="check the path") from error
     except ValueError as error:
         raise InputError(str(path), expected=expected, got=str(error), fix="write one integer a line") from error
     in_soft = _SOFT_INDEX in grid.point_data

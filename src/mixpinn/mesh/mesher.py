@@ -38,7 +38,9 @@ class Sizing:
             InputError: `size` is not positive.
         """
         if not size > 0.0:
-            raise InputError("size", expected="a positive factor", got=f"{size:g}", fix="1 is the paper's mesh, 2 is coarser")
+            raise InputError(
+                "size", expected="a positive factor", got=f"{size:g}", fix="1 is the paper's mesh, 2 is coarser",
+            )
         return Sizing(
             self.cell_ratio, self.cell_size * size, self.facet_angle, self.facet_size * size,
             self.facet_approximation * size,
@@ -52,7 +54,10 @@ PAPER_SIZING = Sizing()
 class Mesher(Protocol):
     """Fills the space between the body's surface and the cavities with tetrahedra."""
 
-    name: str
+    @property
+    def name(self) -> str:
+        """How the mesher is called."""
+        ...
 
     def fill(self, surfaces: DomainSurfaces, sizing: Sizing) -> tuple[FloatArray, Int32Array]:
         """Points [mm] (n, 3) and positively oriented cells (m, 4) of the soft tissue.

@@ -54,8 +54,8 @@ def check_cells(points: FloatArray, cells: AnyArray, *, what: str) -> None:
         )
     if (inverted := np.flatnonzero(signed_volumes(points, cells) < 0.0)).size:
         raise InputError(
-            what, expected="positively oriented tetrahedra", got=f"{len(inverted)} inverted (the first is cell {inverted[0]})",
-            fix="exchange two nodes of these cells",
+            what, expected="positively oriented tetrahedra",
+            got=f"{len(inverted)} inverted (the first is cell {inverted[0]})", fix="exchange two nodes of these cells",
         )
     faces = np.asarray(cells, dtype=np.int64)[:, TETRA_FACES].reshape(-1, 3)
     order = np.argsort(faces, axis=1)
@@ -65,8 +65,8 @@ def check_cells(points: FloatArray, cells: AnyArray, *, what: str) -> None:
     if (crowded := np.flatnonzero(count > 2)).size:
         first = int(np.flatnonzero(face == crowded[0])[0]) // 4
         raise InputError(
-            what, expected="faces shared by at most two cells", got=f"{len(crowded)} shared by more (near cell {first})",
-            fix="remove duplicate cells",
+            what, expected="faces shared by at most two cells",
+            got=f"{len(crowded)} shared by more (near cell {first})", fix="remove duplicate cells",
         )
     direction = np.bincount(face, weights=np.where(odd, -1.0, 1.0))
     if (folded := np.flatnonzero((count == 2) & (direction != 0.0))).size:

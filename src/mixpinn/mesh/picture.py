@@ -20,19 +20,24 @@ def draw_mesh(mesh: TissueMesh, path: Path | str, *, size: tuple[int, int] = (16
         InputError: this machine cannot render.
     """
     try:
-        plotter = pv.Plotter(off_screen=True, shape=(1, 2), window_size=list(size), border=False)
-        plotter.set_background("white")
-        _draw_inside(plotter, mesh)
-        plotter.subplot(0, 1)
-        _draw_cut(plotter, mesh)
-        with atomic_path(path) as temporary:
-            plotter.screenshot(temporary)
-        plotter.close()
+        with pv.vtk_verbosity("off"):
+            _render(mesh, path, size)
     except (RuntimeError, AttributeError) as error:
         raise InputError(
             str(path), expected="a machine that can render off-screen", got=str(error),
             fix="leave the picture out (picture=false) or install Mesa (libosmesa6, libgl1)",
         ) from error
+
+
+def _render(mesh: TissueMesh, path: Path | str, size: tuple[int, int]) -> None:
+    plotter = pv.Plotter(off_screen=True, shape=(1, 2), window_size=list(size), border=False)
+    plotter.set_background("white")
+    _draw_inside(plotter, mesh)
+    plotter.subplot(0, 1)
+    _draw_cut(plotter, mesh)
+    with atomic_path(path) as temporary:
+        plotter.screenshot(temporary)
+    plotter.close()
 
 
 def _draw_inside(plotter: pv.Plotter, mesh: TissueMesh) -> None:

@@ -38,8 +38,8 @@ def probe_positions(mesh: TissueMesh, *, spacing: float = 10.0) -> FloatArray:
     rigid = mesh.points[mesh.part > 0]
     if not len(rigid) or not spacing > 0.0:
         raise InputError(
-            "probe positions", expected="rigid parts and a positive spacing", got=f"{len(rigid)} rigid nodes, {spacing:g} mm",
-            fix="list the positions yourself",
+            "probe positions", expected="rigid parts and a positive spacing",
+            got=f"{len(rigid)} rigid nodes, {spacing:g} mm", fix="list the positions yourself",
         )
     low, high = np.ceil(rigid.min(axis=0) / spacing), np.floor(rigid.max(axis=0) / spacing)
     x, z = (spacing * np.arange(low[axis], high[axis] + 1) for axis in (0, 2))
@@ -48,7 +48,8 @@ def probe_positions(mesh: TissueMesh, *, spacing: float = 10.0) -> FloatArray:
     positions = np.column_stack([grid[:, 0], height, grid[:, 1]])[np.isfinite(height)]
     if not len(positions):
         raise InputError(
-            "probe positions", expected="a grid over the rigid parts", got="no position on the skin", fix="choose a smaller spacing",
+            "probe positions", expected="a grid over the rigid parts", got="no position on the skin",
+            fix="choose a smaller spacing",
         )
     return positions
 

@@ -57,7 +57,7 @@ class TetwildMesher:
 
 
 def decimated(surface: Surface, area: float) -> Surface:
-    """`surface` with triangles of about `area` [mm²] each (quadric error decimation), or unchanged if they are larger."""
+    """`surface` with triangles of about `area` [mm²] each by quadric error decimation; unchanged if larger."""
     corners = surface.points[surface.triangles]
     total = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum()
     wanted = max(total / area, 100.0)

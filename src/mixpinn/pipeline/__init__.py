@@ -4,6 +4,7 @@ from mixpinn.pipeline.config import RunConfig
 from mixpinn.pipeline.demo import DEMO
 from mixpinn.pipeline.evaluation_stage import Background, EvaluationConfig, evaluate_models
 from mixpinn.pipeline.run import run_pipeline
+from mixpinn.pipeline.setup_tables import fidelity_table, findings_table, quality_table
 from mixpinn.pipeline.simulation_stage import (
     PAPER_TISSUE_CONFIG,
     SimulationConfig,
@@ -15,6 +16,7 @@ from mixpinn.pipeline.training_stage import ModelsConfig, SplitConfig, load_samp
 
 __all__ = [
     "DEMO", "PAPER_TISSUE_CONFIG", "Background", "EvaluationConfig", "ModelsConfig", "RunConfig", "SimulationConfig",
-    "SplitConfig", "TissueConfig", "evaluate_models", "load_samples", "make_scene", "make_simulations",
-    "run_pipeline", "train_model",
+    "SplitConfig", "TissueConfig", "evaluate_models", "fidelity_table",
+    "findings_table", "load_samples", "make_scene", "make_simulations",
+    "quality_table", "run_pipeline", "train_model",
 ]

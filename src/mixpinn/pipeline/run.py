@@ -14,6 +14,7 @@ from mixpinn.evaluation import Table
 from mixpinn.mesh import MeshResult, make_mesh
 from mixpinn.pipeline.config import RunConfig
 from mixpinn.pipeline.evaluation_stage import Background, evaluate_models
+from mixpinn.pipeline.setup_tables import fidelity_table, findings_table, quality_table
 from mixpinn.pipeline.simulation_stage import make_simulations
 from mixpinn.pipeline.training_stage import load_samples, train_model
 
@@ -70,7 +71,7 @@ def run_pipeline(config: RunConfig, *, out: Path | str, threads: int | None = No
         )
     background = Background(
         title=config.title, introduction=_introduction(config, meshed, len(store.poses), len(table)),
-        setup=(*_findings(anatomy), *_quality(meshed)), stage_seconds=dict(clock.seconds), summary=summary,
+        setup=_setup(anatomy, meshed), stage_seconds=dict(clock.seconds), summary=summary,
         simulation=config.simulation, provenance={"Anatomy": {"label map": anatomy.label_map.hash()}},
     )
     evaluations, report = clock.measure("Evaluation", lambda: evaluate_models(
@@ -94,3 +95,12 @@ def _introduction(config: RunConfig, meshed: MeshResult, poses: int, samples: in
         f"bodies and frictional contact, which gave {samples:,} samples. The models below learned from most probe "
         "positions and are tested on positions that they have never seen."
     )
+
+
+def _setup(anatomy: AnatomyResult, meshed: MeshResult) -> tuple[Table, ...]:
+    tables = [quality_table(meshed.quality)]
+    if meshed.fidelity is not None:
+        tables.append(fidelity_table(meshed.fidelity))
+    if anatomy.findings:
+        tables.append(findings_table(anatomy.findings))
+    return tuple(tables)
