@@ -68,6 +68,15 @@ def test_headline_in_plain_words(content: ReportContent) -> None:
     assert ("0.75 mm", "mean error of MIXPINN") in headline.cards
 
 
+def test_one_position_has_no_interval(content: ReportContent, evaluations: tuple[Evaluation, ...]) -> None:
+    assert "95 % interval" in summarise_run(content).sentence
+    for evaluation in evaluations:
+        evaluation.about["position"][:] = 3.0
+    sentence = summarise_run(content).sentence
+    assert "at one probe position" in sentence
+    assert "95 % interval" not in sentence
+
+
 def test_headline_owns_up_to_a_useless_model(content: ReportContent, evaluations: tuple[Evaluation, ...]) -> None:
     evaluations[2].metrics["mee"][:] = 9.0
     headline = summarise_run(dataclasses.replace(content, evaluations=evaluations[2:]))

@@ -25,7 +25,9 @@ def read_config_file(path: Path | str) -> dict[str, Any]:
         text = path.read_text()
         return tomllib.loads(text) if path.suffix == ".toml" else json.loads(text)
     except FileNotFoundError as error:
-        raise InputError(str(path), expected="a configuration file", got="no such file", fix="check the path") from error
+        raise InputError(
+            str(path), expected="a configuration file", got="no such file", fix="check the path",
+        ) from error
     except (tomllib.TOMLDecodeError, json.JSONDecodeError, UnicodeDecodeError) as error:
         raise InputError(str(path), expected="TOML or JSON", got=str(error), fix="mend the syntax") from error
 
@@ -49,7 +51,9 @@ def parse_overrides(overrides: Sequence[str]) -> dict[str, Any]:
     for override in overrides:
         key, sign, text = override.partition("=")
         if not sign:
-            raise InputError(f"--set {override}", expected="KEY=VALUE", got=override, fix="write for example train.epochs=3")
+            raise InputError(
+                f"--set {override}", expected="KEY=VALUE", got=override, fix="write for example train.max_epochs=3",
+            )
         try:
             value: Any = json.loads(text)
         except json.JSONDecodeError:

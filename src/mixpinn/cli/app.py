@@ -2,13 +2,17 @@
 
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from mixpinn.base.config import build_config, parse_overrides, read_config_file
 from mixpinn.base.errors import InputError
 from mixpinn.base.progress import console
+
+if TYPE_CHECKING:
+    from mixpinn.pipeline import SimulationConfig
+    from mixpinn.records import TissueMesh
 
 app = typer.Typer(
     name="mixpinn", no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False,
@@ -19,7 +23,12 @@ import_app = typer.Typer(help="Read recordings of other simulators.", no_args_is
 app.add_typer(export_app, name="export")
 app.add_typer(import_app, name="import")
 
-Out = Annotated[Path, typer.Option("--out", "-o", help="Run directory; the same command goes on with an unfinished run.")]
+Protocol = Annotated[str | None, typer.Option(help="paper, anatomy, small, tiny or sofa-replay.")]
+ProbeFile = Annotated[Path | None, typer.Option(help="Probe surface (.stl), tip at the origin, pointing to −y.")]
+Positions = Annotated[Path | None, typer.Option(help="File with one probe position a line.")]
+PaperConstants = Annotated[bool, typer.Option(help="Tissue constants of the paper's fields.")]
+MeshSource = Annotated[Path, typer.Argument(help="Folder that 'mixpinn mesh' wrote, or its mesh.vtu.")]
+Out = Annotated[Path, typer.Option("--out", "-o", help="Run directory; an unfinished run in it goes on.")]
 Set = Annotated[
     list[str] | None, typer.Option("--set", help="Override a setting, for example train.max_epochs=20; repeatable."),
 ]
@@ -46,13 +55,39 @@ def _simulations(folder: Path) -> Path:
     )
 
 
+def _mesh(source: Path) -> "TissueMesh":
+    """The mesh inside the run directory of `mesh`, or the file itself."""
+    from mixpinn.records import TissueMesh
+
+    return TissueMesh.load(source if source.suffix == ".vtu" else source / "mesh.vtu")
+
+
+def _simulation(
+    config: Path | None, overrides: list[str] | None, *, protocol: str | None, probe: Path | None,
+    positions: Path | None, paper_constants: bool, workers: int | None = None,
+) -> "SimulationConfig":
+    """Settings of the simulation from file and options."""
+    from mixpinn.dataset import PROTOCOLS
+    from mixpinn.pipeline import PAPER_TISSUE_CONFIG, SimulationConfig
+
+    if protocol is not None and protocol not in PROTOCOLS:
+        raise InputError(
+            f"--protocol {protocol}", expected="one of " + ", ".join(PROTOCOLS), got=protocol, fix="choose one of them",
+        )
+    return build_config(SimulationConfig, *_layers(
+        config, overrides, protocol=protocol and asdict(PROTOCOLS[protocol]), probe=probe and str(probe),
+        positions=positions and str(positions), workers=workers,
+        tissue=asdict(PAPER_TISSUE_CONFIG) if paper_constants else None,
+    ))
+
+
 @app.command()
 def anatomy(
-    source: Annotated[str, typer.Argument(help="Folder with one NIfTI a structure, one multi-label NIfTI, or 'phantom'.")],
+    source: Annotated[str, typer.Argument(help="Folder of NIfTIs, one multi-label NIfTI, or 'phantom'.")],
     out: Out,
     names: Annotated[Path | None, typer.Option(help="JSON {number: name} of a multi-label image.")] = None,
     body: Annotated[str | None, typer.Option(help="Name or file of the body.")] = None,
-    rigid: Annotated[list[str] | None, typer.Option(help="A rigid structure; repeatable. Default: lumbar vertebrae.")] = None,
+    rigid: Annotated[list[str] | None, typer.Option(help="A rigid structure; repeatable. Lumbar vertebrae.")] = None,
     soft: Annotated[list[str] | None, typer.Option(help="A further soft tissue; repeatable.")] = None,
     repair: Annotated[bool, typer.Option(help="Repair what the label check finds.")] = False,
     seed: Annotated[int | None, typer.Option(help="Vary the phantom.")] = None,
@@ -103,33 +138,25 @@ def mesh(
 
 @app.command()
 def simulate(
-    source: Annotated[Path, typer.Argument(help="Folder that 'mixpinn mesh' wrote, or its mesh.vtu.")],
+    source: MeshSource,
     out: Out,
-    protocol: Annotated[str | None, typer.Option(help="paper, anatomy, small, tiny or sofa-replay.")] = None,
-    probe: Annotated[Path | None, typer.Option(help="Probe surface (.stl), tip at the origin, pointing to −y.")] = None,
-    positions: Annotated[Path | None, typer.Option(help="File with one probe position a line.")] = None,
-    paper_constants: Annotated[bool, typer.Option(help="Tissue constants of the paper's fields.")] = False,
+    protocol: Protocol = None,
+    probe: ProbeFile = None,
+    positions: Positions = None,
+    paper_constants: PaperConstants = False,
     workers: Annotated[int | None, typer.Option(help="Processes; every core by default.")] = None,
     scheduler: Annotated[str | None, typer.Option(help="Address of a Dask scheduler to use instead.")] = None,
     config: Config = None,
     overrides: Set = None,
 ) -> None:
     """Press the probe over the grid of poses; finished poses are kept if the command is stopped."""
-    from mixpinn.dataset import PROTOCOLS
-    from mixpinn.pipeline import PAPER_TISSUE_CONFIG, SimulationConfig, make_simulations
-    from mixpinn.records import TissueMesh
+    from mixpinn.pipeline import make_simulations
 
-    if protocol is not None and protocol not in PROTOCOLS:
-        raise InputError(
-            f"--protocol {protocol}", expected="one of " + ", ".join(PROTOCOLS), got=protocol, fix="choose one of them",
-        )
-    settings = build_config(SimulationConfig, *_layers(
-        config, overrides, protocol=protocol and asdict(PROTOCOLS[protocol]), probe=probe and str(probe),
-        positions=positions and str(positions), workers=workers,
-        tissue=asdict(PAPER_TISSUE_CONFIG) if paper_constants else None,
-    ))
-    path = source if source.suffix == ".vtu" else source / "mesh.vtu"
-    _, summary = make_simulations(TissueMesh.load(path), settings, out=out, scheduler=scheduler)
+    settings = _simulation(
+        config, overrides, protocol=protocol, probe=probe, positions=positions, paper_constants=paper_constants,
+        workers=workers,
+    )
+    _, summary = make_simulations(_mesh(source), settings, out=out, scheduler=scheduler)
     if summary.failed or summary.failed_steps:
         console.print(f"[yellow]{summary.failed} poses and {summary.failed_steps} steps failed[/]; see {out}/poses.png")
 
@@ -258,3 +285,37 @@ def demo(out: Out = Path("runs/demo"), overrides: Set = None, threads: Threads =
     from mixpinn.pipeline import DEMO, RunConfig, run_pipeline
 
     run_pipeline(build_config(RunConfig, asdict(DEMO), *_layers(None, overrides)), out=out, threads=threads)
+
+
+@export_app.command("sofa")
+def export_sofa(
+    source: MeshSource,
+    out: Out,
+    protocol: Protocol = None,
+    probe: ProbeFile = None,
+    positions: Positions = None,
+    paper_constants: PaperConstants = False,
+    config: Config = None,
+    overrides: Set = None,
+) -> None:
+    """The same set-up as a documented SofaPython3 scene with a recorder."""
+    from mixpinn.pipeline import export_sofa as write
+
+    settings = _simulation(
+        config, overrides, protocol=protocol, probe=probe, positions=positions, paper_constants=paper_constants,
+    )
+    console.print(f"Scene: {write(_mesh(source), settings, out=out)}")
+
+
+@import_app.command("sofa")
+def import_sofa(
+    recordings: Annotated[Path, typer.Argument(help="Folder of recordings pose_PPP_RRR.npz.")],
+    mesh_source: Annotated[Path, typer.Option("--mesh", help="Mesh that they were made on: folder or .vtu.")],
+    positions: Annotated[Path, typer.Option(help="File with one listed probe position a line.")],
+    out: Out,
+) -> None:
+    """SOFA recordings → simulations that 'mixpinn train' and 'evaluate' read."""
+    from mixpinn.pipeline import import_sofa_recordings
+
+    store = import_sofa_recordings(recordings, _mesh(mesh_source), positions=positions, out=out)
+    console.print(f"{len(store.poses)} poses in {out}")

@@ -113,8 +113,8 @@ def render_comparison(case: Case, path: Path | str) -> Picture:
     probe = _add_probe(plotter, case, opacity=0.3)
     aim(plotter, np.concatenate([reference.points, _close_to(probe, case.tip, 45.0)]), view)
     plotter.add_legend(
-        [[f"{case.model}, predicted", _PREDICTED], ["Finite elements", _FEM_LINE]], bcolor=None, size=(0.24, 0.075),
-        loc="upper left", face="rectangle",
+        [[f"{case.model}, predicted", _PREDICTED], ["Finite elements", _FEM_LINE]], bcolor="white",
+        background_opacity=0.85, size=(0.24, 0.075), loc="lower left", face="rectangle",
     )
     shoot(plotter, path)
     return Picture(Path(path), (

@@ -138,11 +138,15 @@ def summarise_run(content: ReportContent) -> Headline:
     best = min(learned, key=lambda e: float(e.metrics["mee"].mean()))
     error = summarise(best.metrics["mee"], best.about["position"], generator=generator)
     moved = float(best.metrics["mean_displacement"].mean()) if "mean_displacement" in best.metrics else None
+    # One position alone says nothing about others: it has no interval.
+    several = error.n_positions > 1
+    places = f"{error.n_positions:,} probe positions" if several else "one probe position"
+    interval = f"95 % interval {_round(error.low)} to {_round(error.high)} mm; " if several else ""
     cards = [(f"{_round(error.mean)} mm", f"mean error of {best.model}")]
     sentence = (
-        f"On {error.n_samples:,} simulated situations at {error.n_positions:,} probe positions (split “{best.split}”), "
+        f"On {error.n_samples:,} simulated situations at {places} (split “{best.split}”), "
         f"{best.model} predicts the position of each point of the body to {_round(error.mean)} mm on average "
-        f"(95 % interval {_round(error.low)} to {_round(error.high)} mm; 95 % of the situations stay below "
+        f"({interval}95 % of the situations stay below "
         f"{_round(error.p95)} mm, the worst reaches {_round(error.maximum)} mm)."
     )
     if moved is not None and best.model != ZeroModel.name:

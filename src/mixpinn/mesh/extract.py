@@ -65,7 +65,8 @@ def extract_surfaces(label_map: LabelMap, config: SurfaceConfig | None = None) -
     level = 0.5 - ndimage.gaussian_filter(
         body.astype(np.float32), _blur(config.body_smoothing, spacing), mode="nearest", truncate=3.0,
     )
-    surface = _without_bubbles(_contour(np.pad(level, 1, constant_values=0.5), -np.ones(3), label_map, label_map.soft_names[0]))
+    level = np.pad(level, 1, constant_values=0.5)
+    surface = _without_bubbles(_contour(level, -np.ones(3), label_map, label_map.soft_names[0]))
     _refuse_thin(surface, body, label_map, config)
     return DomainSurfaces(surface, _rigid_surfaces(label_map, body, spacing, config))
 
@@ -108,7 +109,8 @@ def _rigid_surfaces(
         for other, distance in enumerate(distances):
             if other != k:
                 level = np.maximum(level, (distances[k] - distance + config.gap) / 2.0)
-        surface = _without_bubbles(_contour(np.pad(level, 1, constant_values=float(spacing.max())), low - 1.0, label_map, name))
+        level = np.pad(level, 1, constant_values=float(spacing.max()))
+        surface = _without_bubbles(_contour(level, low - 1.0, label_map, name))
         _refuse_thin(surface, masks[k], label_map, config)
         surfaces.append(surface)
     return tuple(surfaces)

@@ -62,14 +62,17 @@ def _draw_inside(plotter: pv.Plotter, mesh: TissueMesh) -> None:
 
 def _draw_cut(plotter: pv.Plotter, mesh: TissueMesh) -> None:
     centre = mesh.points[mesh.part > 0].mean(axis=0) if mesh.n_parts else mesh.points.mean(axis=0)
-    beyond = mesh.points[mesh.cells].mean(axis=1)[:, 0] <= centre[0]
-    part = mesh.part[mesh.cells]
-    plotter.add_mesh(mesh.grid().extract_cells(np.flatnonzero(beyond)), color=_TISSUE, show_edges=True, line_width=0.5)
+    plotter.add_mesh(
+        mesh.grid().slice(normal="x", origin=centre), color=_TISSUE, show_edges=True, line_width=0.5, lighting=False,
+    )
+    faces = mesh.boundary_faces
+    owner = np.sort(mesh.part[faces], axis=1)[:, 1]
+    beyond = mesh.points[faces].mean(axis=1)[:, 0] <= centre[0]
     for k in range(1, mesh.n_parts + 1):
-        near = np.flatnonzero(beyond & ((part == k).sum(axis=1) >= 3))
-        if len(near):
-            plotter.add_mesh(mesh.grid().extract_cells(near), color=_PARTS[(k - 1) % len(_PARTS)], show_edges=True)
-    _look(plotter, (1.0, 0.25, -0.15))
+        if ((owner == k) & beyond).any():
+            surface = pv.PolyData.from_regular_faces(mesh.points, faces[(owner == k) & beyond])
+            plotter.add_mesh(surface, color=_PARTS[(k - 1) % len(_PARTS)], show_edges=True, line_width=0.5)
+    _look(plotter, (1.0, 0.15, -0.1))
 
 
 def _look(plotter: pv.Plotter, direction: tuple[float, float, float]) -> None:

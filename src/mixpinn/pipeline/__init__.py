@@ -12,11 +12,12 @@ from mixpinn.pipeline.simulation_stage import (
     make_scene,
     make_simulations,
 )
+from mixpinn.pipeline.sofa_stage import export_sofa, import_sofa_recordings
 from mixpinn.pipeline.training_stage import ModelsConfig, SplitConfig, load_samples, train_model
 
 __all__ = [
     "DEMO", "PAPER_TISSUE_CONFIG", "Background", "EvaluationConfig", "ModelsConfig", "RunConfig", "SimulationConfig",
-    "SplitConfig", "TissueConfig", "evaluate_models", "fidelity_table",
-    "findings_table", "load_samples", "make_scene", "make_simulations",
+    "SplitConfig", "TissueConfig", "evaluate_models", "export_sofa", "fidelity_table",
+    "findings_table", "import_sofa_recordings", "load_samples", "make_scene", "make_simulations",
     "quality_table", "run_pipeline", "train_model",
 ]

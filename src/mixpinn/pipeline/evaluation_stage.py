@@ -13,6 +13,7 @@ from mixpinn.dataset import GenerationSummary, SimulationStore, Split, dataset_t
 from mixpinn.evaluation import (
     Case,
     DisplacementModel,
+    Picture,
     ReportContent,
     Table,
     ZeroModel,
@@ -116,7 +117,8 @@ def evaluate_models(
     for index, model in enumerate(candidates):
         evaluations.append(evaluate(model, test, mesh, split="test", notes={"split": split.name}))
         evaluations[-1].save(out / f"evaluation-{index}-{_slug(model.name)}.json")
-    pictures, note = (), "pictures were not asked for"
+    pictures: tuple[Picture, ...] = ()
+    note = "Pictures were not asked for."
     if config.pictures:
         shown = _shown(candidates, evaluations)
         index = typical_sample(evaluations[shown])

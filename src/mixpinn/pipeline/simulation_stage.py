@@ -35,6 +35,11 @@ from mixpinn.records import Probe, TissueMesh
 STORE = "store"
 
 
+_LAWS: dict[str, type[StableNeoHookean | StableNeoHookeanLog | LinearElastic]] = {
+    "stable": StableNeoHookean, "stable-log": StableNeoHookeanLog, "linear": LinearElastic,
+}
+
+
 @dataclass(frozen=True)
 class TissueConfig:
     """A soft tissue.
@@ -58,7 +63,7 @@ class TissueConfig:
         Raises:
             InputError: constants of no stable material.
         """
-        law = {"stable": StableNeoHookean, "stable-log": StableNeoHookeanLog, "linear": LinearElastic}[self.energy]
+        law = _LAWS[self.energy]
         if (self.mu is None) != (self.lam is None):
             raise InputError("tissue", expected="both mu and lam, or neither", got="one of them", fix="give the other")
         if self.mu is not None and self.lam is not None:

@@ -57,7 +57,9 @@ class ModelsConfig:
             InputError: an unknown name or width.
         """
         if name not in MODELS:
-            raise InputError(f"model {name!r}", expected="one of " + ", ".join(MODELS), got=name, fix="choose one of them")
+            raise InputError(
+                f"model {name!r}", expected="one of " + ", ".join(MODELS), got=name, fix="choose one of them",
+            )
         return replace(MODELS[name].with_width(self.width), scaling=self.scaling)
 
     def training(self, name: str) -> TrainConfig:

@@ -75,7 +75,9 @@ class LabelMap:
         try:
             labels = np.asarray(nib.load(path).dataobj).astype(np.uint8)
         except Exception as error:  # nibabel raises many kinds: zlib, EOF, header
-            raise InputError(str(path), expected="a label map", got=str(error), fix="run 'mixpinn anatomy' again") from error
+            raise InputError(
+                str(path), expected="a label map", got=str(error), fix="run 'mixpinn anatomy' again",
+            ) from error
         return LabelMap(
             labels, np.array(about["affine"]), np.array(about["world_to_scanner"]),
             tuple(about["soft_names"]), tuple(about["rigid_names"]),

@@ -43,7 +43,9 @@ class Prediction:
         """
         path = Path(path)
         if path.suffix not in {".vtu", ".stl", ".ply"}:
-            raise InputError(str(path), expected=".vtu, .stl or .ply", got=path.suffix or "no suffix", fix="rename the output")
+            raise InputError(
+                str(path), expected=".vtu, .stl or .ply", got=path.suffix or "no suffix", fix="rename the output",
+            )
         grid = self.grid()
         with atomic_path(path) as temporary:
             (grid if path.suffix == ".vtu" else grid.extract_surface(algorithm="dataset_surface")).save(temporary)

@@ -48,12 +48,14 @@ class Probe:
             surface = pv.read(path).extract_surface(algorithm="dataset_surface").triangulate().clean()
             triangles = surface.regular_faces.astype(np.int64)
         except Exception as error:
-            raise InputError(str(path), expected="a readable triangle surface", got=str(error), fix="export it as STL") from error
+            raise InputError(
+                str(path), expected="a readable triangle surface", got=str(error), fix="export it as STL",
+            ) from error
         points = np.asarray(surface.points, dtype=np.float64)
         if not len(triangles) or not np.isfinite(points).all():
             raise InputError(
-                str(path), expected="a triangle surface with finite vertices", got=f"{len(triangles)} readable triangles",
-                fix="export the probe again as STL",
+                str(path), expected="a triangle surface with finite vertices",
+                got=f"{len(triangles)} readable triangles", fix="export the probe again as STL",
             )
         return Probe(points, triangles, path.stem)
 

@@ -1,0 +1,48 @@
+"""Small meshes and label maps that several tests build on."""
+
+import numpy as np
+
+from mixpinn.records import LabelMap, TissueMesh
+from mixpinn.records.label_map import SCANNER_TO_WORLD
+
+_KUHN = np.array([[0, 1, 3, 7], [0, 1, 5, 7], [0, 2, 3, 7], [0, 2, 6, 7], [0, 4, 5, 7], [0, 4, 6, 7]])
+
+
+def box_mesh(n=(4, 4, 4), *, cavity=None, spacing=10.0):
+    """Cubes of edge `spacing` cut into six tetrahedra each; the cubes in `cavity` (a slice) are left out, as part 1."""
+    from mixpinn.mesh import orient_cells
+
+    grid = np.stack(np.meshgrid(*(np.arange(k + 1) for k in n), indexing="ij"), axis=-1).reshape(-1, 3)
+    points = spacing * (grid - np.array(n) / 2.0)
+    index = np.arange(len(grid)).reshape([k + 1 for k in n])
+    keep = np.ones(n, dtype=bool)
+    if cavity is not None:
+        keep[cavity] = False
+    cubes = np.argwhere(keep)
+    corners = np.stack([index[tuple((cubes + [b & 1, b >> 1 & 1, b >> 2]).T)] for b in range(8)], axis=1)
+    cells = orient_cells(points, corners[:, _KUHN].reshape(-1, 4))
+    part = np.zeros(len(points), dtype=np.int16)
+    names = ()
+    if cavity is not None:
+        hollow = np.argwhere(~keep)
+        touched = np.unique([index[tuple((hollow + [b & 1, b >> 1 & 1, b >> 2]).T)] for b in range(8)])
+        part[touched] = 1
+        names = ("block",)
+    return TissueMesh(
+        points, cells, part, np.zeros(len(points), dtype=bool), names, np.zeros(len(cells), dtype=np.int16),
+    )
+
+
+def ball_label_map(*, voxel=2.0, radius=40.0, centres=((0.0, 0.0, 0.0),), ball=12.0, spacing=None):
+    """A ball of tissue round the origin with rigid balls in it; `spacing` makes the voxels anisotropic."""
+    spacing = np.full(3, voxel) if spacing is None else np.asarray(spacing)
+    half = np.ceil((radius + 6.0) / spacing)
+    axes = [np.arange(-h, h + 1) * s for h, s in zip(half, spacing, strict=True)]
+    where = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+    labels = (np.linalg.norm(where, axis=-1) <= radius).astype(np.uint8)
+    for k, centre in enumerate(centres):
+        labels[np.linalg.norm(where - np.array(centre), axis=-1) <= ball] = 2 + k
+    affine = np.diag([*spacing, 1.0])
+    affine[:3, 3] = -half * spacing
+    names = tuple(f"ball {k}" for k in range(1, len(centres) + 1))
+    return LabelMap(labels, affine, np.linalg.inv(SCANNER_TO_WORLD), ("body",), names)
