@@ -25,7 +25,8 @@ demo: $(STAMP) ## The whole pipeline on the built-in phantom, from label map to 
 	$(BIN)/mixpinn demo --out $(RUNS)/demo
 
 patient1: $(STAMP) ## The same pipeline on a real patient (DATA=folder with one NIfTI a structure)
-	$(BIN)/mixpinn run configs/patient1.toml --set anatomy.path=$(DATA) --out $(RUNS)/patient1
+	$(BIN)/mixpinn run configs/patient1.toml --set anatomy.path=$(DATA) \
+		--set simulation.probe=$(DATA)/paper/probe_collision.stl --out $(RUNS)/patient1
 
 test: $(STAMP) ## The test suite
 	$(BIN)/python -m pytest -n 2 --dist loadfile

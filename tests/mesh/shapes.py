@@ -19,13 +19,13 @@ def box_mesh(n=(4, 4, 4), *, cavity=None, spacing=10.0):
     if cavity is not None:
         keep[cavity] = False
     cubes = np.argwhere(keep)
-    corners = np.stack([index[tuple((cubes + [b & 1, b >> 1 & 1, b >> 2]).T)] for b in range(8)], axis=1)
+    corners = np.stack([index[tuple((cubes + np.array([b & 1, b >> 1 & 1, b >> 2])).T)] for b in range(8)], axis=1)
     cells = orient_cells(points, corners[:, _KUHN].reshape(-1, 4))
     part = np.zeros(len(points), dtype=np.int16)
     names = ()
     if cavity is not None:
         hollow = np.argwhere(~keep)
-        touched = np.unique([index[tuple((hollow + [b & 1, b >> 1 & 1, b >> 2]).T)] for b in range(8)])
+        touched = np.unique([index[tuple((hollow + np.array([b & 1, b >> 1 & 1, b >> 2])).T)] for b in range(8)])
         part[touched] = 1
         names = ("block",)
     return TissueMesh(

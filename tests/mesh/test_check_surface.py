@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 import pyvista as pv
+
 from mixpinn.base.errors import InputError
 from mixpinn.mesh import DomainSurfaces, Surface, check_surface, check_surfaces, self_intersections
 

@@ -2,10 +2,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
+
 from mixpinn.base.errors import InputError
 from mixpinn.mesh import SurfaceConfig, check_surfaces, extract_surfaces
 from mixpinn.mesh.extract import label_surface, signed_distance
-from scipy.spatial import cKDTree
 
 from .shapes import ball_label_map
 
@@ -13,12 +14,13 @@ APART = ((-14.0, 0.0, 0.0), (14.0, 0.0, 0.0))
 TOUCHING = ((-11.0, 0.0, 0.0), (11.0, 0.0, 0.0))
 
 
-@pytest.mark.parametrize("spacing", [(2.0, 2.0, 2.0), (1.5, 2.0, 3.0)])
-def test_volumes_of_balls(spacing):
+@pytest.mark.parametrize(("spacing", "tolerance"), [((2.0, 2.0, 2.0), 0.1), ((1.5, 2.0, 3.0), 0.15)])
+def test_volumes_of_balls(spacing, tolerance):
+    """Smoothing shrinks a small ball, the more so the thicker the slices."""
     surfaces = extract_surfaces(ball_label_map(centres=APART, spacing=spacing))
     ball = 4.0 / 3.0 * np.pi
     assert surfaces.body.volume == pytest.approx(ball * 40.0**3, rel=0.02)
-    assert [rigid.volume for rigid in surfaces.rigid] == pytest.approx([ball * 12.0**3] * 2, rel=0.06)
+    assert [rigid.volume for rigid in surfaces.rigid] == pytest.approx([ball * 12.0**3] * 2, rel=tolerance)
 
 
 def test_surfaces_are_closed_disjoint_and_inside():

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+
 from mixpinn.mesh import mesh_fidelity, voxel_parts
 from mixpinn.mesh.fidelity import dice
 from mixpinn.records import LabelMap
@@ -31,13 +32,16 @@ def test_voxels_of_a_box_are_exact():
 
 
 def test_shifted_cavity():
-    """A block 8 voxels long, shifted by one, overlaps by 7/8; its ends lie one voxel apart."""
+    """A block 8 voxels long, shifted by one, overlaps by 7/8; its ends lie one voxel apart.
+
+    Marching cubes cut the corners of voxels off, by at most half a voxel's diagonal.
+    """
     body, block = mesh_fidelity(box_mesh(cavity=CAVITY), box_labels(shift=1)).structures
     assert (body.name, block.name) == ("body", "block")
     assert body.dice == 1.0
     assert block.dice == pytest.approx(7 / 8)
-    assert block.hausdorff == pytest.approx(2.5, abs=0.05)
-    assert block.hausdorff_95 <= block.hausdorff
+    assert block.hausdorff_95 == pytest.approx(2.5, abs=0.05)
+    assert 2.45 <= block.hausdorff <= np.hypot(2.5, np.sqrt(2.0) * 1.25) + 0.05
 
 
 def test_dice_of_masks():

@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 import pyvista as pv
+
 from mixpinn.base.errors import InputError
 from mixpinn.mesh import fixed_nodes, import_vtu, load_paper_mesh, mesh_statistics
 

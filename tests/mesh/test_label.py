@@ -2,6 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+
 from mixpinn.mesh import fixed_nodes, label_mesh, part_contacts
 from mixpinn.mesh.label import cell_tissue
 from mixpinn.mesh.surface import DomainSurfaces, Surface

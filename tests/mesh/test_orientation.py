@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
 from mixpinn.base.errors import InputError
 from mixpinn.mesh import check_cells, orient_cells, signed_volumes
 

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
 from mixpinn.mesh import dihedral_angles, mesh_quality, radius_ratios
 
 from .shapes import box_mesh

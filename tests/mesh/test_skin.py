@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+
 from mixpinn.base.errors import InputError
 from mixpinn.mesh import load_paper_mesh, probe_positions, skin_height
 

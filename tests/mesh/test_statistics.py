@@ -1,6 +1,7 @@
 import numpy as np
-from mixpinn.mesh import mesh_statistics
 from rich.console import Console
+
+from mixpinn.mesh import mesh_statistics
 
 from .shapes import box_mesh
 

@@ -51,3 +51,13 @@ def test_double_precision_takes_the_reference(random_mesh) -> None:
     topology = build_topology(graph.edge_index, graph.n_nodes)
     layer = GraphAttention(4, 8, heads=2).double()
     assert layer(torch.randn(2, graph.n_nodes, 4).double(), topology).dtype == torch.float64
+
+
+def test_autocast_takes_the_reference(random_mesh) -> None:
+    graph = build_graph(random_mesh(0))
+    topology = build_topology(graph.edge_index, graph.n_nodes)
+    layer = GraphAttention(4, 8, heads=2)
+    x = torch.randn(2, graph.n_nodes, 4)
+    with torch.autocast("cpu", dtype=torch.bfloat16):
+        rounded = layer(x, topology)
+    torch.testing.assert_close(rounded.float(), layer(x, topology), atol=5e-2, rtol=5e-2)

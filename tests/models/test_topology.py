@@ -47,6 +47,14 @@ def test_slot_features_are_those_of_pytorch_geometric(random_mesh) -> None:
     torch.testing.assert_close(slots[topology.loop_slot][topology.position], expected[graph.n_edges:])
 
 
+def test_chunks_differ_by_no_more_than_a_hub(random_mesh) -> None:
+    graph = VirtualNodes()(build_graph(random_mesh(0, n_points=900)))
+    topology = build_topology(graph.edge_index, graph.n_nodes)
+    slots = np.diff(topology.offsets[topology.chunks])
+    assert np.diff(topology.offsets).max() > 100
+    assert slots.max() <= topology.n_slots / len(slots) + np.diff(topology.offsets).max()
+
+
 def test_neighbours_lie_closer_than_at_random(random_mesh) -> None:
     graph = build_graph(random_mesh(0, n_points=400))
     spread = {}

@@ -18,6 +18,35 @@ from mixpinn.base.arrays import AnyArray
 from mixpinn.base.errors import InputError
 
 
+NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EACCES, errno.EPERM, errno.EROFS)
+"""What the system says where a file cannot be written for want of room or permission."""
+
+
+def make_folder(folder: Path | str) -> None:
+    """Create `folder` and those above it, if absent.
+
+    Raises:
+        InputError: a file is in the way, or the folder cannot be written.
+    """
+    try:
+        Path(folder).mkdir(parents=True, exist_ok=True)
+    except (FileExistsError, NotADirectoryError) as error:
+        raise InputError(
+            str(folder), expected="a folder", got="a path through an existing file", fix="choose another output folder",
+        ) from error
+    except OSError as error:
+        raise _no_room(folder, error) from error
+
+
+def _no_room(path: Path | str, error: OSError) -> Exception:
+    if error.errno not in NO_ROOM:
+        return error
+    return InputError(
+        str(path), expected="a folder with room to write", got=error.strerror or str(error),
+        fix="free some space or choose another output folder",
+    )
+
+
 @contextlib.contextmanager
 def atomic_path(path: Path | str) -> Iterator[Path]:
     """Yield a temporary path beside `path`; on success rename it to `path`, on failure remove it.
@@ -25,22 +54,24 @@ def atomic_path(path: Path | str) -> Iterator[Path]:
     The temporary name keeps the suffixes of `path`, since many writers choose their format by them.
 
     Raises:
-        InputError: the folder cannot be written, or the disk is full.
+        InputError: the folder cannot be written, a folder is in the way, or the disk is full.
     """
     path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    folder = Path(tempfile.mkdtemp(prefix=".writing-", dir=path.parent))
+    make_folder(path.parent)
+    try:
+        folder = Path(tempfile.mkdtemp(prefix=".writing-", dir=path.parent))
+    except OSError as error:
+        raise _no_room(path, error) from error
     temporary = folder / path.name
     try:
         yield temporary
         os.replace(temporary, path)
+    except IsADirectoryError as error:
+        raise InputError(
+            str(path), expected="the path of a file", got="a folder", fix="choose another name for the output",
+        ) from error
     except OSError as error:
-        if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EACCES, errno.EROFS):
-            raise InputError(
-                str(path), expected="a folder with room to write", got=error.strerror or str(error),
-                fix="free some space or choose another output folder",
-            ) from error
-        raise
+        raise _no_room(path, error) from error
     finally:
         shutil.rmtree(folder, ignore_errors=True)
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from mixpinn.base.errors import InputError
-from mixpinn.base.files import hash_file, read_json, write_json
+from mixpinn.base.files import hash_file, make_folder, read_json, write_json
 
 RECORD = "run.json"
 _PACKAGES = ("mixpinn", "numpy", "scipy", "numba", "torch", "torch-geometric", "zarr", "pyvista", "nibabel")
@@ -49,10 +49,10 @@ def start_run(
         finished work may be kept; False where the folder is new.
 
     Raises:
-        InputError: the folder holds another run.
+        InputError: the folder holds another run, or its path is that of a file.
     """
     folder = Path(folder)
-    folder.mkdir(parents=True, exist_ok=True)
+    make_folder(folder)
     settings = asdict(config) if is_dataclass(config) and not isinstance(config, type) else dict(config)
     identity = {
         "stage": stage, "seed": seed, "config": _jsonable(settings),

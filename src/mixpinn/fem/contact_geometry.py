@@ -48,8 +48,8 @@ class Triangulation:
 
 
 @numba.njit(cache=True, inline="always")
-def _nearest(px, py, pz, a, b, c):  # type: ignore[no-untyped-def]
-    """Nearest point of triangle (a, b, c) to p.
+def nearest_on_triangle(px, py, pz, a, b, c):  # type: ignore[no-untyped-def]
+    """Nearest point of triangle (a, b, c) to (px, py, pz).
 
     Returns:
         Barycentric weights, squared distance, and the feature: 0 face, 1–3 the edge opposite corner 0–2, 4–6 the
@@ -103,7 +103,7 @@ def _is_listed(p, t, feature, squared, vertices, triangles, neighbours, offsets,
         if other < 0:
             return True
         corner = triangles[other]
-        hit = _nearest(p[0], p[1], p[2], vertices[corner[0]], vertices[corner[1]], vertices[corner[2]])
+        hit = nearest_on_triangle(p[0], p[1], p[2], vertices[corner[0]], vertices[corner[1]], vertices[corner[2]])
         return hit[3] > squared + slack or (hit[3] >= squared - slack and t < other)
     vertex = triangles[t, feature - 4]
     for k in range(offsets[vertex], offsets[vertex + 1]):
@@ -111,7 +111,7 @@ def _is_listed(p, t, feature, squared, vertices, triangles, neighbours, offsets,
         if other == t:
             continue
         corner = triangles[other]
-        hit = _nearest(p[0], p[1], p[2], vertices[corner[0]], vertices[corner[1]], vertices[corner[2]])
+        hit = nearest_on_triangle(p[0], p[1], p[2], vertices[corner[0]], vertices[corner[1]], vertices[corner[2]])
         if hit[3] < squared - slack or (hit[3] <= squared + slack and other < t):
             return False
     return True
@@ -150,7 +150,7 @@ def _search(points, vertices, triangles, neighbours, offsets, incident, cutoff):
                 continue
             t = near[k]
             a, b, c = vertices[triangles[t, 0]], vertices[triangles[t, 1]], vertices[triangles[t, 2]]
-            wa, wb, wc, squared, feature = _nearest(x, y, z, a, b, c)
+            wa, wb, wc, squared, feature = nearest_on_triangle(x, y, z, a, b, c)
             if squared > cutoff * cutoff:
                 continue
             if not _is_listed(points[i], t, feature, squared, vertices, triangles, neighbours, offsets, incident):

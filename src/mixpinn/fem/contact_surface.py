@@ -78,6 +78,27 @@ class SkinSurface:
 
 
 @dataclass(frozen=True, eq=False)
+class SkinPatch:
+    """Part of a skin.
+
+    Attributes:
+        vertices: skin vertices, ascending, shape (v,).
+        triangles: those of the skin whose vertices are all in the patch, by index into `vertices`, shape (t, 3).
+    """
+
+    vertices: IntArray
+    triangles: IntArray
+
+    @staticmethod
+    def of_vertices(skin: SkinSurface, vertices: IntArray) -> "SkinPatch":
+        """The patch that has these vertices of `skin`, ascending."""
+        local = np.full(len(skin.nodes), -1, dtype=np.int64)
+        local[vertices] = np.arange(len(vertices))
+        triangles = local[skin.surface.triangles]
+        return SkinPatch(np.asarray(vertices, dtype=np.int64), triangles[(triangles >= 0).all(axis=1)])
+
+
+@dataclass(frozen=True, eq=False)
 class ProbeSurface:
     """The probe's triangles, and points on them closer together than `spacing`.
 

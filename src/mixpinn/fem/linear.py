@@ -31,6 +31,21 @@ class LinearSolver(Protocol):
         """
         ...
 
+    def factorize_with_compliance(self, matrix: sp.csr_matrix, kept: IntArray) -> FloatArray:
+        """Factorize as `factorize` does, and return the block of the inverse that belongs to the unknowns `kept`.
+
+        Args:
+            matrix: as for `factorize`.
+            kept: ascending indices of unknowns, shape (m,).
+
+        Returns:
+            Symmetric, shape (m, m).
+
+        Raises:
+            SolveError: the matrix is singular.
+        """
+        ...
+
     def solve(self, rhs: FloatArray) -> FloatArray:
         """Solution for one right-hand side (n,) or several (n, k) with the last factorization."""
         ...
@@ -56,6 +71,15 @@ def default_solver(threads: int | None = None) -> LinearSolver:
         return SuperLUSolver()
 
 
+def compliance_by_solves(solver: LinearSolver, size: int, kept: IntArray) -> FloatArray:
+    """Block (m, m) of the inverse of the last factorized matrix (size, size), from one solve per kept unknown."""
+    unit = np.zeros((size, len(kept)))
+    unit[kept, np.arange(len(kept))] = 1.0
+    block = solver.solve(unit)[kept] if len(kept) else np.empty((0, 0))
+    symmetric: FloatArray = 0.5 * (block + block.T)
+    return symmetric
+
+
 class PardisoSolver:
     """MKL PARDISO on the upper triangle.
 
@@ -63,6 +87,9 @@ class PardisoSolver:
     unsymmetric type 11 that the Python package defaults to; a matrix that turns out indefinite is factorized again
     with Bunch-Kaufman pivoting (type −2), and `indefinite` says so. The symbolic analysis is kept while the pattern
     stays the same, for each of the two types.
+
+    The block of the inverse comes from the Schur complement that PARDISO forms on its way when it eliminates the
+    unknowns `kept` last: the two together cost what the factorization alone does.
 
     Args:
         threads: threads of MKL; by default as many as ``OMP_NUM_THREADS`` or the machine says.
@@ -80,19 +107,34 @@ class PardisoSolver:
         self._analysed: dict[int, bool] = {}
         self._pattern: tuple[IntArray, IntArray] | None = None
         self._matrix: sp.csr_matrix | None = None
+        self._kept: IntArray = np.empty(0, dtype=np.int64)
         self.threads = threads
         self.indefinite = False
         self._handle(2)
 
     def factorize(self, matrix: sp.csr_matrix) -> None:
         """See `LinearSolver.factorize`."""
-        if not self._same_pattern(matrix):
+        self._factorize_any(matrix, np.empty(0, dtype=np.int64))
+
+    def factorize_with_compliance(self, matrix: sp.csr_matrix, kept: IntArray) -> FloatArray:
+        """See `LinearSolver.factorize_with_compliance`."""
+        schur = self._factorize_any(matrix, np.asarray(kept, dtype=np.int64))
+        if self.indefinite:
+            return compliance_by_solves(self, matrix.shape[0], kept)
+        inverse = np.linalg.inv(schur)
+        symmetric: FloatArray = 0.5 * (inverse + inverse.T)
+        return symmetric
+
+    def _factorize_any(self, matrix: sp.csr_matrix, kept: IntArray) -> FloatArray:
+        """Factorize with one type or the other; the Schur complement (m, m) if it was the first."""
+        if not self._same_pattern(matrix) or not np.array_equal(kept, self._kept):
             self.free()
-            self._pattern = (matrix.indptr, matrix.indices)
+            self._pattern, self._kept = (matrix.indptr, matrix.indices), kept
         self._matrix = matrix
         self.indefinite = False
+        schur = np.empty((0, 0))
         try:
-            self._factorize(2)
+            schur = self._factorize(2)
         except self._error as error:
             if error.value != -4:  # type: ignore[attr-defined]
                 raise SolveError(f"PARDISO could not factorize the matrix: error {error}") from error
@@ -103,6 +145,7 @@ class PardisoSolver:
                 raise SolveError(_SINGULAR) from second
             if self._handle(-2).iparm[13] and not self._solves():  # pivots were perturbed
                 raise SolveError(_SINGULAR) from None
+        return schur
 
     def solve(self, rhs: FloatArray) -> FloatArray:
         """See `LinearSolver.solve`."""
@@ -130,13 +173,20 @@ class PardisoSolver:
             for old, new in zip(self._pattern, (matrix.indptr, matrix.indices), strict=True)
         )
 
-    def _factorize(self, kind: int) -> None:
+    def _factorize(self, kind: int) -> FloatArray:
         assert self._matrix is not None
-        nothing = np.zeros(self._matrix.shape[0])
+        size, m = self._matrix.shape[0], len(self._kept) if kind == 2 else 0
+        handle = self._handle(kind)
         if not self._analysed.get(kind):
-            self._call(kind, 11, nothing)
+            handle.iparm[35] = 2 if m else 0  # form the Schur complement and keep the factors
+            handle.iparm[23] = 1 if m else 0  # which needs the two-level factorization
+            handle.perm = np.zeros(size if m else 0, dtype=np.int32)
+            if m:
+                handle.perm[self._kept] = 1
+            self._call(kind, 11, np.zeros(size))
             self._analysed[kind] = True
-        self._call(kind, 22, nothing)
+        out = self._call(kind, 22, np.zeros(max(size, m * m)))  # the Schur complement is written to the solution
+        return out[: m * m].reshape(m, m)
 
     def _solves(self) -> bool:
         assert self._matrix is not None
@@ -204,6 +254,11 @@ class SuperLUSolver:
             raise SolveError(_SINGULAR) from error
         # With pivots on the diagonal A = L D Lᵀ up to a permutation, so that the signs of D are the inertia.
         self.indefinite = bool((self._factor.U.diagonal() <= 0.0).any())
+
+    def factorize_with_compliance(self, matrix: sp.csr_matrix, kept: IntArray) -> FloatArray:
+        """See `LinearSolver.factorize_with_compliance`."""
+        self.factorize(matrix)
+        return compliance_by_solves(self, matrix.shape[0], kept)
 
     def solve(self, rhs: FloatArray) -> FloatArray:
         """See `LinearSolver.solve`."""

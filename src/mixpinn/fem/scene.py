@@ -53,8 +53,6 @@ class Scene:
         skin = self.skin or SkinSurface.of_mesh(self.mesh)
         return ContactModel(skin, ProbeSurface.of_probe(self.probe, spacing=self.contact.spacing), self.contact)
 
-    def elastic_system(self, contact: ContactModel | None = None) -> ElasticSystem:
-        """The elastic bodies, with room in the stiffness for what `contact` couples."""
-        return ElasticSystem(
-            self.mesh, self.materials, extra_pairs=None if contact is None else contact.skin.coupled_nodes(),
-        )
+    def elastic_system(self) -> ElasticSystem:
+        """The elastic bodies."""
+        return ElasticSystem(self.mesh, self.materials, threads=self.solver.threads or 1)

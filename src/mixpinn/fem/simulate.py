@@ -5,11 +5,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from mixpinn.base.arrays import FloatArray, IntArray
 from mixpinn.base.errors import InputError
 from mixpinn.fem.contact import ContactModel, ProbePose
+from mixpinn.fem.contact_surface import SkinPatch
+from mixpinn.fem.linear import LinearSolver
 from mixpinn.fem.scene import Scene
 from mixpinn.fem.solve import Balance, QuasiStaticSolver
 from mixpinn.fem.system import ElasticSystem, State
@@ -17,6 +18,13 @@ from mixpinn.records import ProbePath, Simulation
 
 NO_FORCE = 1e-6
 """A node with less force than this [N] is not loaded."""
+
+
+_LARGEST_MOVE = 0.75
+"""A probe point may move by this part of the gap between two solves: the skin must not end up on its other side."""
+
+_MARGIN = 6.0
+"""Skin that comes within this distance [mm] of the probe's path belongs to the patch on which contact is sought."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,11 +40,17 @@ class _Equilibrium:
 class PoseSimulator:
     """Simulates pose after pose of one scene; what depends on the scene alone is made once."""
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: Scene, *, linear: LinearSolver | None = None) -> None:
+        """Prepare.
+
+        Args:
+            scene: what to simulate.
+            linear: sparse direct solver; by default the best that the platform has.
+        """
         self.scene = scene
         self.contact: ContactModel = scene.contact_model()
-        self.system: ElasticSystem = scene.elastic_system(self.contact)
-        self.solver = QuasiStaticSolver(self.system, self.contact, scene.solver)
+        self.system: ElasticSystem = scene.elastic_system()
+        self.solver = QuasiStaticSolver(self.system, self.contact, scene.solver, linear=linear)
 
     def run(
         self, path: ProbePath, *, position_index: int = 0, rotation_deg: float = 0.0,
@@ -44,8 +58,9 @@ class PoseSimulator:
     ) -> Simulation:
         """Simulate one pose.
 
-        A step that does not converge is halved up to `SolverConfig.max_cuts` times; if it still fails, it and the
-        steps after it are recorded as not converged.
+        A step over which a point of the probe moves far is divided beforehand; one that does not converge is halved
+        up to `SolverConfig.max_cuts` times; if it still fails, it and the steps after it are recorded as not
+        converged. The result does not depend on poses simulated before.
 
         Args:
             path: poses of the probe, step by step.
@@ -57,20 +72,20 @@ class PoseSimulator:
             InputError: the probe starts inside the body.
         """
         poses = [ProbePose(r, t) for r, t in zip(path.rotations, path.translations, strict=True)]
-        self._refuse_start_inside(poses[0])
-        recorder = _Recorder(self.contact, self.system, len(poses))
         rest = self.system.rest_state()
-        frame = self.contact.begin_step(self._skin(rest), poses[0], None)
-        last = _Equilibrium(self.solver.balance(rest, poses[0], frame), poses[0], None, None)
+        self._refuse_start_inside(poses[0], rest)
+        recorder = _Recorder(self.contact, self.system, len(poses))
+        self.solver.begin(self.contact.reachable(self._skin(rest), poses, margin=_MARGIN))
+        last = _Equilibrium(self.solver.balance(rest, None), poses[0], None, None)
         for step, pose in enumerate(poses):
             began, effort = time.perf_counter(), self.solver.effort.iterations
-            found, residual = self._advance(last, pose, self.scene.solver.max_cuts)
+            found, residual = self._follow(last, pose)
             if found is None:
                 recorder.fail(step, residual, time.perf_counter() - began)
                 break
-            last = found
+            last, near = found
             recorder.write(
-                step, last.balance, pose, residual=residual, iterations=self.solver.effort.iterations - effort,
+                step, last.balance, pose, near, residual=residual, iterations=self.solver.effort.iterations - effort,
                 seconds=time.perf_counter() - began,
             )
             if on_step is not None:
@@ -80,17 +95,48 @@ class PoseSimulator:
     def _skin(self, state: State) -> FloatArray:
         return self.contact.skin.vertices(state.points)
 
-    def _refuse_start_inside(self, pose: ProbePose) -> None:
-        vertices = self._skin(self.system.rest_state())
-        near, _, samples, _ = self.contact.near(vertices, pose, self.scene.contact.alarm)
-        inside = _below_skin(samples, vertices, self.contact.skin.surface.triangles)
-        touching = len(near) and near.distance.min() < 0.5 * self.scene.contact.gap
-        if inside or touching:
+    def _refuse_start_inside(self, pose: ProbePose, rest: State) -> None:
+        inside, distance = self.contact.clearance(self._skin(rest), pose)
+        if inside or distance < 0.5 * self.scene.contact.gap:
             raise InputError(
                 "probe", expected="a path that begins outside the body",
                 got=f"{inside} probe points under the skin at the first step" if inside else "a start closer than half the gap",
                 fix="start higher above the skin (a longer approach) or check the frame of the positions",
             )
+
+    def _follow(self, last: _Equilibrium, pose: ProbePose) -> tuple[tuple[_Equilibrium, IntArray] | None, float]:
+        """Go to `pose` and see to it that no skin beside the patch was touched; also the skin vertices near it."""
+        while True:
+            found, residual = self._divide(last, pose)
+            if found is None:
+                return None, residual
+            vertices = self._skin(found.balance.state)
+            near = self.contact.near_vertices(vertices, pose, self.contact.config.alarm)
+            patch = self.solver.patch
+            beside = near if patch is None else np.setdiff1d(near, patch.vertices)
+            if not len(beside):
+                return (found, near), residual
+            # Skin slid under the probe from beside the patch: widen it, and repeat the step if any was touched.
+            known = beside[:0] if patch is None else patch.vertices
+            wider = self.contact.reachable(vertices, [pose], margin=_MARGIN).vertices
+            self.solver.begin(SkinPatch.of_vertices(self.contact.skin, np.union1d(known, wider)))
+            touched = self.contact.near_vertices(vertices, pose, self.contact.config.gap)
+            if not len(np.setdiff1d(touched, known)):
+                return (found, near), residual
+
+    def _divide(self, last: _Equilibrium, pose: ProbePose) -> tuple[_Equilibrium | None, float]:
+        """Go from equilibrium `last` to `pose` in as many parts as the probe's motion asks for."""
+        corners = self.contact.probe.vertices
+        move = np.linalg.norm(pose.place(corners) - last.pose.place(corners), axis=1).max()
+        parts = max(1, int(np.ceil(move / (_LARGEST_MOVE * self.scene.contact.gap) - 1e-9)))
+        start, residual = last.pose, np.nan
+        for part in range(parts):
+            target = pose if part == parts - 1 else start.towards(pose, (part + 1) / parts)
+            found, residual = self._advance(last, target, self.scene.solver.max_cuts)
+            if found is None:
+                return None, residual
+            last = found
+        return last, residual
 
     def _advance(self, last: _Equilibrium, pose: ProbePose, cuts: int) -> tuple[_Equilibrium | None, float]:
         """Go from equilibrium `last` to `pose`, in halves where needed."""
@@ -103,26 +149,16 @@ class PoseSimulator:
             solution = self.solver.solve(last.balance.state, pose, frame)
         residual = solution.history[-1]
         if solution.converged:
-            slip = None if solution.balance.contact is None else solution.balance.contact.slip
-            loaded = solution.balance.contact is not None and solution.balance.contact.hits > 0
-            increment = increment_between(self.system, last.balance.state, solution.balance.state) if loaded else None
+            forces, slip, increment = solution.balance.contact, None, None
+            if forces is not None and solution.problem is not None and forces.hits:
+                slip = solution.problem.slip_everywhere(forces)
+                increment = self.system.difference(last.balance.state, solution.balance.state)
             return _Equilibrium(solution.balance, pose, slip, increment), residual
         if cuts == 0:
             return None, residual
         still = _Equilibrium(last.balance, last.pose, last.slip, None)
         half, residual = self._advance(still, last.pose.towards(pose, 0.5), cuts - 1)
         return (None, residual) if half is None else self._advance(half, pose, cuts - 1)
-
-
-def increment_between(system: ElasticSystem, start: State, end: State) -> FloatArray:
-    """The reduced increment that takes `start` to `end`, shape (n_dofs,); inverse of `ElasticSystem.advance`."""
-    free = (system.mesh.part == 0) & ~system.mesh.fixed
-    soft = (end.points - start.points)[free].ravel()
-    turn = Rotation.from_matrix(end.rotation @ start.rotation.transpose(0, 2, 1)).as_rotvec() if len(end.rotation) else (
-        np.empty((0, 3))
-    )
-    twists = np.concatenate([end.translation - start.translation, turn.reshape(-1, 3)], axis=1)
-    return np.concatenate([soft, twists.ravel()])
 
 
 def simulate_pose(
@@ -137,19 +173,6 @@ def simulate_pose(
 
 
 _simulator: PoseSimulator | None = None
-
-
-def _below_skin(samples: FloatArray, vertices: FloatArray, triangles: IntArray) -> int:
-    """Number of samples inside the closed surface, by the generalized winding number (solid angles / 4π)."""
-    corners = vertices[triangles]
-    inside = 0
-    for point in samples:
-        a, b, c = np.moveaxis(corners - point, 1, 0)
-        la, lb, lc = (np.linalg.norm(edge, axis=1) for edge in (a, b, c))
-        numerator = np.einsum("ij,ij->i", a, np.cross(b, c))
-        denominator = la * lb * lc + (a * b).sum(1) * lc + (b * c).sum(1) * la + (c * a).sum(1) * lb
-        inside += 2.0 * np.arctan2(numerator, denominator).sum() > 2.0 * np.pi
-    return int(inside)
 
 
 class _Recorder:
@@ -174,7 +197,7 @@ class _Recorder:
         self.forces: list[FloatArray] = []
 
     def write(
-        self, step: int, at: Balance, pose: ProbePose, *, residual: float, iterations: int, seconds: float,
+        self, step: int, at: Balance, pose: ProbePose, near: IntArray, *, residual: float, iterations: int, seconds: float,
     ) -> None:
         points = at.state.points
         self.displacement[step] = points - self.system.mesh.points
@@ -188,12 +211,9 @@ class _Recorder:
         self.scalars["seconds"][step] = seconds
         self.converged[step], self.iterations[step] = True, iterations
         skin = self.contact.skin
-        first, second, _, _ = self.contact.near(skin.vertices(points), pose, self.contact.config.alarm)
-        used = skin.surface.triangles[first.triangle][first.weights > 0.0]
-        vertices = np.unique(np.concatenate([used, second.point]))
-        near = np.unique(skin.nodes[vertices][skin.weights[vertices] != 0.0])
+        listed = np.unique(skin.nodes[near][skin.weights[near] != 0.0])
         loaded = np.flatnonzero(np.abs(at.external).max(axis=1) > NO_FORCE)
-        nodes = np.union1d(near, loaded).astype(np.int64)
+        nodes = np.union1d(listed, loaded).astype(np.int64)
         forces = -at.external[nodes]
         forces[np.abs(forces).max(axis=1, initial=0.0) <= NO_FORCE] = 0.0
         self.nodes.append(nodes)

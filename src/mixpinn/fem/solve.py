@@ -1,11 +1,11 @@
-"""The quasi-static solve of one load step: quasi-Newton on factorized tangents.
+"""The quasi-static solve of one load step: quasi-Newton on the elastic body, contact solved exactly in between.
 
-Equilibrium is r(q) = Jᵀ (∂E/∂x + ∂C/∂x) = 0 in the reduced unknowns q (free soft nodes and the twists of the rigid
-parts), with the elastic energy E and the contact energy C. A factorized tangent serves as the first approximation of
-the inverse for BFGS updates (H. Matthies and G. Strang, The solution of nonlinear finite element equations,
-International Journal for Numerical Methods in Engineering 14, 1979), with their line search: the step length is
-accepted where the residual along the search direction has fallen enough, which needs no energy and so allows for
-friction. A new tangent is factorized when the updates no longer pay.
+Equilibrium is r(q) + Sᵀ λ = 0 in the reduced unknowns q (free soft nodes and the twists of the rigid parts), with the
+elastic residual r = Jᵀ ∂E/∂x and the forces λ of contact. Every iteration linearises r alone and solves the frictional
+contact of the linearised body on the patch of skin that the probe can reach (`mixpinn.fem.condensed`): what changes
+abruptly is settled there, and what is left for the outer iteration is smooth. A factorized tangent therefore serves
+many iterations and load steps, improved by BFGS updates (`mixpinn.fem.quasi_newton`), and is renewed where an iteration
+leaves too much of the residual.
 """
 
 import time
@@ -14,9 +14,14 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from mixpinn.base.arrays import BoolArray, FloatArray, IntArray
-from mixpinn.fem.contact import ContactForces, ContactModel, FrictionFrame, ProbePose
-from mixpinn.fem.contact_surface import SkinSurface
+from mixpinn.base.errors import SolveError
+from mixpinn.fem.condensed import solve_condensed
+from mixpinn.fem.contact import ContactModel, FrictionFrame, ProbePose
+from mixpinn.fem.contact_problem import ContactForces, ContactProblem
+from mixpinn.fem.contact_surface import SkinPatch
+from mixpinn.fem.contact_unknowns import ContactUnknowns
 from mixpinn.fem.linear import LinearSolver, default_solver
+from mixpinn.fem.quasi_newton import UpdatedInverse
 from mixpinn.fem.system import ElasticSystem, State
 
 
@@ -29,7 +34,6 @@ class SolverConfig:
         force_floor: forces below this count as this in the relative residual [N].
         max_iterations: of one solve.
         max_cuts: how often a step may be halved before it counts as failed.
-        max_move: largest move of a node in one iteration [mm].
         updates: BFGS updates kept before a new factorization.
         slow: a factorization is renewed when an iteration leaves more than this part of the residual.
         threads: of the linear solver and the element kernels; None leaves the libraries' own.
@@ -37,11 +41,10 @@ class SolverConfig:
 
     tolerance: float = 1e-6
     force_floor: float = 1e-3
-    max_iterations: int = 60
+    max_iterations: int = 40
     max_cuts: int = 5
-    max_move: float = 1.5
-    updates: int = 12
-    slow: float = 0.6
+    updates: int = 30
+    slow: float = 0.5
     threads: int | None = None
 
 
@@ -50,6 +53,7 @@ class Effort:
     """Where the time of solves goes; every entry adds up over the solver's life."""
 
     iterations: int = 0
+    contact_iterations: int = 0
     factorizations: int = 0
     evaluations: int = 0
     seconds: dict[str, float] = field(default_factory=lambda: {
@@ -68,13 +72,15 @@ class Balance:
     Attributes:
         state: the configuration.
         internal: gradient of the elastic energy by node positions [N], shape (n, 3).
-        contact: contact evaluated on the skin, if any.
+        elastic: the same on the unknowns, r, zero for held ones, shape (n_dofs,).
+        contact: contact evaluated on the patch, if any.
         external: gradient of the contact energy by node positions [N], shape (n, 3).
-        residual: reduced residual, shape (n_dofs,).
+        residual: reduced residual of both, shape (n_dofs,).
     """
 
     state: State
     internal: FloatArray
+    elastic: FloatArray
     contact: ContactForces | None
     external: FloatArray
     residual: FloatArray
@@ -87,6 +93,7 @@ class StepSolution:
     balance: Balance
     converged: bool
     history: list[float]
+    problem: ContactProblem | None = None
 
 
 class QuasiStaticSolver:
@@ -108,135 +115,185 @@ class QuasiStaticSolver:
         self.system, self.contact, self.config = system, contact, config
         self.linear = linear or default_solver(config.threads)
         self.held = held
-        self._residual_scale = _residual_scale(system)
         self.effort = Effort()
-        self._factorized = False
+        self._residual_scale = _residual_scale(system)
+        self._patch: SkinPatch | None = None
+        self._unknowns: ContactUnknowns | None = None
+        self._force: FloatArray = np.empty(0)
+        self._inverse: UpdatedInverse | None = None
 
-    def balance(self, state: State, pose: ProbePose | None, frame: FrictionFrame | None) -> Balance:
+    @property
+    def patch(self) -> SkinPatch | None:
+        """The skin on which contact is sought."""
+        return self._patch
+
+    def begin(self, patch: SkinPatch | None) -> None:
+        """Choose the patch of skin on which contact is sought, and forget earlier solves."""
+        self._inverse = None
+        if patch is None or self.contact is None or not len(patch.vertices):
+            self._patch, self._unknowns, self._force = None, None, np.empty(0)
+            return
+        self._patch = patch
+        self._unknowns = ContactUnknowns(self.system, self.contact.skin, patch)
+        self._force = np.zeros(len(self._unknowns.kept))
+
+    def problem(self, pose: ProbePose, frame: FrictionFrame) -> ContactProblem | None:
+        """Contact of the probe at `pose` with the patch; None without one."""
+        if self.contact is None or self._patch is None:
+            return None
+        return ContactProblem(self.contact, self._patch, pose, frame)
+
+    def balance(self, state: State, problem: ContactProblem | None) -> Balance:
         """Evaluate all forces at `state`."""
         start = time.perf_counter()
         internal = self.system.gradient(state)
+        elastic = self.system.reduce(internal, state)
         self.effort.add("gradient", start)
         self.effort.evaluations += 1
-        external, forces = np.zeros_like(internal), None
-        if self.contact is not None and pose is not None and frame is not None:
+        external, forces, residual = np.zeros_like(internal), None, elastic
+        if problem is not None and self._unknowns is not None:
             start = time.perf_counter()
-            skin = self.contact.skin
-            forces = self.contact.evaluate(skin.vertices(state.points), pose, frame)
-            for column in range(skin.nodes.shape[1]):
-                np.add.at(external, skin.nodes[:, column], skin.weights[:, column, None] * forces.gradient)
+            forces = problem.evaluate(self._unknowns.positions(state))
+            external = self._unknowns.on_nodes(forces.gradient)
+            residual = elastic + self.system.reduce(external, state)
             self.effort.add("contact", start)
-        residual = self.system.reduce(internal + external, state)
         if self.held is not None:
-            residual[self.held] = 0.0
-        return Balance(state, internal, forces, external, residual)
-
-    def factorize(self, at: Balance) -> None:
-        """Assemble and factorize the tangent at a configuration."""
-        start = time.perf_counter()
-        blocks = None
-        if at.contact is not None and len(at.contact.first):
-            assert self.contact is not None
-            blocks = _on_nodes(self.contact.skin, at.contact)
-        matrix = self.system.tangent(
-            at.state, nodal_gradient=at.internal + at.external, blocks=blocks, held=self.held, project=True,
-        )
-        self.effort.add("assembly", start)
-        start = time.perf_counter()
-        self.linear.factorize(matrix)
-        self.effort.add("factorization", start)
-        self.effort.factorizations += 1
-        self._factorized = True
-
-    def _apply_inverse(self, vector: FloatArray) -> FloatArray:
-        start = time.perf_counter()
-        answer = self.linear.solve(vector)
-        self.effort.add("solve", start)
-        return answer
-
-    def scale(self, balance: Balance) -> float:
-        """What the residual is measured against [N]: the norm of the contact forces, at least the floor."""
-        return max(float(np.linalg.norm(balance.external)), self.config.force_floor)
+            elastic, residual = np.where(self.held, 0.0, elastic), np.where(self.held, 0.0, residual)
+        return Balance(state, internal, elastic, forces, external, residual)
 
     def relative_residual(self, balance: Balance) -> float:
-        """Norm of the residual relative to the contact forces; moments count by the arm of the rigid part."""
-        return float(np.linalg.norm(balance.residual * self._residual_scale)) / self.scale(balance)
+        """Norm of the residual relative to the contact forces; moments count by the arm of the rigid part.
 
-    def solve(self, state: State, pose: ProbePose | None, frame: FrictionFrame | None) -> StepSolution:
+        Without contact, relative to the forces at the nodes that are fixed or held.
+        """
+        scale = float(np.linalg.norm(balance.external))
+        if self.contact is None:
+            scale = float(np.linalg.norm(balance.internal))
+        return float(np.linalg.norm(balance.residual * self._residual_scale)) / max(scale, self.config.force_floor)
+
+    def solve(self, state: State, pose: ProbePose | None = None, frame: FrictionFrame | None = None) -> StepSolution:
         """Find equilibrium from the starting guess `state` with the probe at `pose`.
 
         Returns:
             The solution, `converged` or not: it is never raised as an error, since a step may be cut and tried again.
         """
-        config = self.config
-        at = self.balance(state, pose, frame)
+        problem = None if pose is None or frame is None else self.problem(pose, frame)
+        at = self.balance(state, problem)
         history = [self.relative_residual(at)]
-        memory = _Bfgs()
         fresh = False
-        while history[-1] > config.tolerance and len(history) <= config.max_iterations:
-            if not self._factorized:
-                self.factorize(at)
-                memory, fresh = _Bfgs(), True
-            direction = -memory.apply(self._apply_inverse, at.residual)
-            move = self._largest_move(direction)
-            descent = float(direction @ at.residual)
-            if not np.isfinite(move) or descent >= 0.0:
+        while history[-1] > self.config.tolerance and len(history) <= self.config.max_iterations:
+            if self._inverse is None:
+                try:
+                    self._inverse = self._factorize(at)
+                except SolveError:
+                    break
+                fresh = True
+            new = self._iterate(at, problem, history)
+            if new is None:
                 if fresh:
                     break
-                self._factorized = False
+                self._inverse = None
                 continue
-            if move > config.max_move:
-                direction *= config.max_move / move
-                descent *= config.max_move / move
-            found = self._search(at, direction, descent, pose, frame)
-            self.effort.iterations += 1
-            if found is None:
-                if fresh:
-                    break
-                self._factorized = False
-                continue
-            length, new = found
-            memory.update(length * direction, new.residual - at.residual)
             at = new
             history.append(self.relative_residual(at))
             fresh = False
-            if len(memory) >= config.updates or history[-1] > config.slow * history[-2]:
-                self._factorized = False
-        return StepSolution(at, history[-1] <= config.tolerance, history)
+            slow = len(history) > 2 and history[-1] > self.config.slow * history[-2]
+            if slow or len(self._inverse) >= self.config.updates:
+                self._inverse = None
+        converged = history[-1] <= self.config.tolerance
+        return StepSolution(at, converged, history, problem)
 
-    def _largest_move(self, direction: FloatArray) -> float:
-        """Largest displacement that the increment gives to a soft node [mm]."""
-        soft = direction[: self.system.n_dofs - 6 * self.system.mesh.n_parts].reshape(-1, 3)
-        return float(np.sqrt((soft**2).sum(axis=1).max(initial=0.0)))
+    def _iterate(self, at: Balance, problem: ContactProblem | None, history: list[float]) -> Balance | None:
+        """One iteration from `at`; None where it leads nowhere."""
+        assert self._inverse is not None
+        self.effort.iterations += 1
+        gradient = at.elastic
+        start = time.perf_counter()
+        step = -self._inverse.apply(gradient)
+        self.effort.add("solve", start)
+        if problem is not None and self._unknowns is not None:
+            start = time.perf_counter()
+            force = self._contact_force(at, problem, step[self._unknowns.kept])
+            self.effort.add("contact", start)
+            if force is None:
+                return None
+            gradient = gradient.copy()
+            gradient[self._unknowns.kept] += force
+            if self.held is not None:
+                gradient[self.held] = 0.0
+            start = time.perf_counter()
+            step = -self._inverse.apply(gradient)
+            self.effort.add("solve", start)
+        new, length = self._advance(at, step, problem, history)
+        if new is None:
+            return None
+        start = time.perf_counter()
+        self._inverse.update(length * step, new.elastic - at.elastic, -length * gradient)
+        self.effort.add("solve", start)
+        return new
 
-    def _search(
-        self, at: Balance, direction: FloatArray, descent: float, pose: ProbePose | None, frame: FrictionFrame | None,
-    ) -> tuple[float, Balance] | None:
-        """Step length with |dᵀr(q + s d)| ≤ 0.6 |dᵀr(q)| by bracketed secants, or None."""
-        low, slope_low, high, slope_high = 0.0, descent, np.inf, np.nan
+    def _contact_force(self, at: Balance, problem: ContactProblem, free: FloatArray) -> FloatArray | None:
+        """Contact forces λ on the kept unknowns in equilibrium with the linearised body."""
+        assert self._unknowns is not None
+        assert self._inverse is not None
+        positions, jacobian = self._unknowns.positions(at.state), self._unknowns.jacobian(at.state)
+
+        def law(y: FloatArray, exact: bool) -> tuple[FloatArray, FloatArray, IntArray]:
+            forces = problem.evaluate(positions + (jacobian @ y).reshape(-1, 3), curvature=exact)
+            rows = np.flatnonzero(np.repeat(forces.touched, 3))
+            some = jacobian[rows]
+            columns = np.flatnonzero(some.any(axis=0))
+            some = some[:, columns]
+            return (
+                forces.gradient.ravel() @ jacobian, some.T @ forces.stiffness[np.ix_(rows, rows)] @ some, columns,
+            )
+
+        found = solve_condensed(
+            self._inverse.compliance, free, law, start=self._force, largest_move=0.5 * problem.model.config.gap,
+        )
+        self.effort.contact_iterations += found.iterations
+        if not found.converged:
+            return None
+        self._force = found.force
+        return found.force
+
+    def _advance(
+        self, at: Balance, step: FloatArray, problem: ContactProblem | None, history: list[float],
+    ) -> tuple[Balance | None, float]:
+        """Take the step, or a part of it where the whole makes things worse.
+
+        The residual at the first guess says little, since the probe has just moved: there, forces out of balance
+        by as much as the contact forces are still accepted.
+        """
+        if not np.isfinite(step).all():
+            return None, 0.0
+        slope = float(step @ at.residual)
+        allowed = max(1.0, history[0]) if len(history) == 1 else history[-1]
         length = 1.0
-        best: tuple[float, Balance] | None = None
-        best_slope = np.inf
-        for _ in range(8):
-            trial = self.balance(self.system.advance(at.state, length * direction), pose, frame)
-            slope = float(direction @ trial.residual)
-            if np.isfinite(slope) and abs(slope) < best_slope:
-                best, best_slope = (length, trial), abs(slope)
-            if np.isfinite(slope) and abs(slope) <= 0.6 * abs(descent):
-                return length, trial
-            if np.isfinite(slope) and slope < 0.0:
-                low, slope_low = length, slope
-                if np.isinf(high):
-                    return length, trial  # still going downhill at full length: take it
-            else:
-                high, slope_high = length, slope
-            if np.isfinite(slope_high):
-                fraction = slope_low / (slope_low - slope_high)
-                fraction = min(max(fraction, 0.1), 0.9)
-            else:
-                fraction = 0.3
-            length = low + fraction * (high - low)
-        return best if best_slope < abs(descent) else None
+        for _ in range(5):
+            new = self.balance(self.system.advance(at.state, length * step), problem)
+            reached = self.relative_residual(new)
+            if np.isfinite(reached) and (reached <= allowed or abs(float(step @ new.residual)) < 0.5 * abs(slope)):
+                return new, length
+            length *= 0.5
+        return None, 0.0
+
+    def _factorize(self, at: Balance) -> UpdatedInverse:
+        """Assemble and factorize the tangent of the elastic body at a configuration."""
+        start = time.perf_counter()
+        matrix = self.system.tangent(
+            at.state, nodal_gradient=at.internal + at.external, held=self.held, project=True,
+        )
+        self.effort.add("assembly", start)
+        start = time.perf_counter()
+        kept = np.empty(0, dtype=np.int64) if self._unknowns is None else self._unknowns.kept
+        compliance = self.linear.factorize_with_compliance(matrix, kept)
+        if self.held is not None and len(kept):
+            compliance[self.held[kept]] = 0.0
+            compliance[:, self.held[kept]] = 0.0
+        self.effort.add("factorization", start)
+        self.effort.factorizations += 1
+        return UpdatedInverse(self.linear.solve, compliance, kept)
 
 
 def _residual_scale(system: ElasticSystem) -> FloatArray:
@@ -248,51 +305,3 @@ def _residual_scale(system: ElasticSystem) -> FloatArray:
         arm = np.sqrt(((points - points.mean(axis=0)) ** 2).sum(axis=1).mean())
         scale[system.n_dofs - 6 * mesh.n_parts + 6 * k + 3 :][:3] = 1.0 / max(float(arm), 1e-9)
     return scale
-
-
-def _on_nodes(skin: SkinSurface, contact: ContactForces) -> tuple[IntArray, IntArray, FloatArray]:
-    """Stiffness between skin vertices as stiffness between the mesh nodes behind them, each pair of nodes once."""
-    if skin.nodes.shape[1] == 1:
-        return skin.nodes[contact.first, 0], skin.nodes[contact.second, 0], contact.blocks
-    parts = []
-    same = contact.first == contact.second
-    for i in range(skin.nodes.shape[1]):
-        for j in range(skin.nodes.shape[1]):
-            first, second = skin.nodes[contact.first, i], skin.nodes[contact.second, j]
-            scale = skin.weights[contact.first, i] * skin.weights[contact.second, j]
-            # A vertex's own block is symmetric in (i, j): half of the off-diagonal pairs stand for all.
-            keep = (~same | (i <= j)) & (scale != 0.0)
-            # Two vertices that share a node: block and transpose fall on the same diagonal.
-            scale = np.where(~same & (first == second), 2.0 * scale, scale)
-            parts.append((first[keep], second[keep], (scale[:, None, None] * contact.blocks)[keep]))
-    first, second, blocks = (np.concatenate(column) for column in zip(*parts, strict=True))
-    return first, second, blocks
-
-
-class _Bfgs:
-    """Two-loop BFGS recursion around a given inverse (J. Nocedal, Mathematics of Computation 35, 1980)."""
-
-    def __init__(self) -> None:
-        self._pairs: list[tuple[FloatArray, FloatArray, float]] = []
-
-    def __len__(self) -> int:
-        return len(self._pairs)
-
-    def update(self, step: FloatArray, change: FloatArray) -> None:
-        """Remember that the residual changed by `change` over `step`; pairs without curvature are left out."""
-        curvature = float(step @ change)
-        if curvature > 1e-12 * float(np.linalg.norm(step) * np.linalg.norm(change)):
-            self._pairs.append((step, change, 1.0 / curvature))
-
-    def apply(self, inverse, vector: FloatArray) -> FloatArray:  # type: ignore[no-untyped-def]
-        """The approximate inverse times `vector`."""
-        vector = vector.copy()
-        weights = []
-        for step, change, rho in reversed(self._pairs):
-            weight = rho * float(step @ vector)
-            vector -= weight * change
-            weights.append(weight)
-        vector = inverse(vector)
-        for (step, change, rho), weight in zip(self._pairs, reversed(weights), strict=True):
-            vector += step * (weight - rho * float(change @ vector))
-        return vector

@@ -32,7 +32,7 @@ class SurfaceConfig:
 
     body_smoothing: float = 1.0
     rigid_smoothing: float = 0.8
-    gap: float = 3.0
+    gap: float = 3.5
 
 
 def signed_distance(mask: BoolArray, spacing: FloatArray) -> FloatArray:
@@ -61,12 +61,11 @@ def extract_surfaces(label_map: LabelMap, config: SurfaceConfig | None = None) -
     config = config or SurfaceConfig()
     spacing = np.linalg.norm(label_map.affine[:3, :3], axis=0)
     body = _main_pieces(label_map.labels > 0, label_map.soft_names[0])
-    # Edge values are repeated while smoothing and the outside is laid around afterwards: the caps stay flat and sharp.
+    # Edge values are repeated while smoothing and caps are laid on afterwards, so that they stay flat and sharp.
     level = 0.5 - ndimage.gaussian_filter(
         body.astype(np.float32), _blur(config.body_smoothing, spacing), mode="nearest", truncate=3.0,
     )
-    level = np.pad(level, 1, constant_values=0.5)
-    surface = _without_bubbles(_contour(level, -np.ones(3), label_map, label_map.soft_names[0]))
+    surface = _without_bubbles(_contour(_capped(level), -np.ones(3), label_map, label_map.soft_names[0]))
     _refuse_thin(surface, body, label_map, config)
     return DomainSurfaces(surface, _rigid_surfaces(label_map, body, spacing, config))
 
@@ -119,6 +118,16 @@ def _rigid_surfaces(
 def _blur(smoothing: float, spacing: FloatArray) -> FloatArray:
     blur: FloatArray = np.maximum(smoothing / spacing, _SMALLEST_BLUR)
     return blur
+
+
+def _capped(level: AnyArray) -> AnyArray:
+    """`level` with a layer round it: |level|, which puts the surface on the outer faces of the voxels that end it."""
+    capped = np.pad(level, 1, mode="edge")
+    for axis in range(3):
+        for end in (0, -1):
+            layer = np.moveaxis(capped, axis, 0)[end]
+            np.maximum(np.abs(layer), 1e-3, out=layer)
+    return capped
 
 
 def _main_pieces(mask: AnyArray, name: str) -> BoolArray:

@@ -1,5 +1,6 @@
 """Import of ready tetrahedral meshes."""
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -73,7 +74,8 @@ def _read(path: Path) -> pv.UnstructuredGrid:
     if not path.is_file():
         raise InputError(str(path), expected=expected, got="no such file", fix=fix)
     try:
-        with pv.vtk_verbosity("off"):
+        with pv.vtk_verbosity("off"), warnings.catch_warnings():
+            warnings.simplefilter("ignore")
             grid = pv.read(path)
     except Exception as error:  # readers raise many kinds: unknown suffix, XML, encoding
         raise InputError(str(path), expected=expected, got=f"{type(error).__name__}: {error}", fix=fix) from error

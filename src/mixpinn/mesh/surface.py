@@ -1,5 +1,6 @@
 """Closed triangle surfaces: of one structure, and of all that bound the soft tissue."""
 
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -58,7 +59,8 @@ class Surface:
         if not path.is_file():
             raise InputError(str(path), expected=expected, got="no such file", fix=fix)
         try:
-            with pv.vtk_verbosity("off"):
+            with pv.vtk_verbosity("off"), warnings.catch_warnings():
+                warnings.simplefilter("ignore")
                 data = pv.read(path).extract_surface(algorithm="dataset_surface").triangulate().clean()
             triangles = np.asarray(data.regular_faces, dtype=np.int64)
         except Exception as error:  # readers raise many kinds: unknown suffix, XML, encoding

@@ -1,5 +1,7 @@
 """fTetWild (Hu et al. 2020): robust to defective surfaces, under a licence without copyleft."""
 
+import contextlib
+import tempfile
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,7 +10,7 @@ from mixpinn.base.arrays import FloatArray, Int32Array
 from mixpinn.mesh.mesher import Sizing, tidy
 from mixpinn.mesh.surface import DomainSurfaces, Surface
 
-_FACET_AREA = 30.0
+_FACET_AREA = 50.0
 """Mean area of a surface triangle handed to fTetWild, in units of the approximation squared: the body."""
 _RIGID_FACET_AREA = 6.0
 """The same for rigid parts, whose surfaces curve more."""
@@ -19,7 +21,7 @@ class TetwildMesher:
     """fTetWild on the decimated surfaces of body and cavities.
 
     It knows an edge length and an envelope instead of CGAL's criteria: they are set to the facet size and the facet
-    approximation, which gives about as many points.
+    approximation, which gives about as many points on the rigid parts and more in the soft tissue.
 
     Attributes:
         stop_energy: the optimisation stops when the worst cell's conformal AMIPS energy falls below this; 3 is the
@@ -48,11 +50,13 @@ class TetwildMesher:
         )
         points, triangles = coarse.domain()
         diagonal = float(np.linalg.norm(np.ptp(points, axis=0)))
-        nodes, cells = pytetwild.tetrahedralize(
-            points, triangles.astype(np.int32), edge_length_abs=min(sizing.facet_size, 0.9 * diagonal),
-            epsilon=sizing.facet_approximation / diagonal, stop_energy=self.stop_energy, simplify=self.simplify,
-            num_threads=self.threads, vtk_ordering=True,
-        )
+        # fTetWild leaves a debugging surface in the current folder.
+        with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
+            nodes, cells = pytetwild.tetrahedralize(
+                points, triangles.astype(np.int32), edge_length_abs=min(sizing.facet_size, 0.9 * diagonal),
+                epsilon=sizing.facet_approximation / diagonal, stop_energy=self.stop_energy, simplify=self.simplify,
+                num_threads=self.threads, vtk_ordering=True,
+            )
         return tidy(nodes, cells, what=surfaces.body.name)
 
 

@@ -15,7 +15,7 @@ class Backend(StrEnum):
     """How a layer is computed."""
 
     AUTOMATIC = "automatic"
-    """Fused for float32 on a CPU, else PyTorch Geometric's."""
+    """Fused for float32 on a CPU outside autocast, else PyTorch Geometric's."""
     FUSED = "fused"
     REFERENCE = "reference"
 
@@ -59,7 +59,7 @@ class GraphAttention(GATConv):
         Returns:
             shape (B, N, H · C) or, with averaged heads, (B, N, C).
         """
-        fused = x.device.type == "cpu" and x.dtype == torch.float32
+        fused = x.device.type == "cpu" and x.dtype == torch.float32 and not torch.is_autocast_enabled("cpu")
         if self.backend is Backend.FUSED or (self.backend is Backend.AUTOMATIC and fused):
             return self._fused(x, topology, slot_features, relu, transient)
         batch, n_nodes, _ = x.shape
