@@ -17,7 +17,6 @@ import numpy as np
 from mixpinn.base.arrays import AnyArray
 from mixpinn.base.errors import InputError
 
-
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EACCES, errno.EPERM, errno.EROFS)
 """What the system says where a file cannot be written for want of room or permission."""
 
@@ -39,7 +38,7 @@ def make_folder(folder: Path | str) -> None:
 
 
 def _no_room(path: Path | str, error: OSError) -> Exception:
-    if error.errno not in NO_ROOM:
+    if error.errno not in (None, *NO_ROOM):  # None: a library says no more than that it failed
         return error
     return InputError(
         str(path), expected="a folder with room to write", got=error.strerror or str(error),

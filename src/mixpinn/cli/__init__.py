@@ -1,9 +1,10 @@
 """The command line: one verb a stage, each a few lines that call the stage's public function."""
 
-import errno
+import logging
 import sys
 
 from mixpinn.base.errors import MixpinnError
+from mixpinn.base.files import NO_ROOM
 from mixpinn.cli.app import app
 
 __all__ = ["app", "main"]
@@ -11,12 +12,14 @@ __all__ = ["app", "main"]
 
 def main() -> None:
     """Run the command line; whatever a user can mend is said in one line, with exit code 2."""
+    # VTK reports through the root logger what is said here in one line.
+    logging.basicConfig(handlers=[logging.NullHandler()])
     try:
         sys.exit(app(standalone_mode=True) or 0)
     except MixpinnError as error:
         _leave(str(error), 2)
     except OSError as error:
-        if error.errno not in (errno.ENOSPC, errno.EDQUOT, errno.EACCES, errno.EROFS):
+        if error.errno not in NO_ROOM:
             raise
         _leave(f"{error.filename or 'output'}: {error.strerror}; free some space or choose another folder", 2)
     except KeyboardInterrupt:

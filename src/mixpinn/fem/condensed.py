@@ -23,7 +23,10 @@ from scipy.linalg import LinAlgError, lu_factor, lu_solve
 from mixpinn.base.arrays import FloatArray, IntArray
 
 ContactLaw = Callable[[FloatArray, bool], tuple[FloatArray, FloatArray, IntArray]]
-"""g(y, exact): forces (m,), stiffness among the touched unknowns (a, a), and these, (a,)."""
+"""g(y, exact): forces (m,), stiffness among the touched unknowns (a, a), and these, (a,).
+
+The stiffness is the derivative of the forces if `exact`, otherwise a symmetric positive semi-definite part of it.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,28 +64,35 @@ def solve_condensed(
     """
     force = start.copy()
     y = free - compliance @ force
-    law_force, stiffness, touched = law(y, True)
+    found = law(y, True)
     for iteration in range(max_iterations):
-        error = law_force - force
-        if np.linalg.norm(error) <= tolerance * max(float(np.linalg.norm(law_force)), floor):
-            return CondensedSolution(law_force, y, True, iteration)
-        move, change, slope = _direction(compliance, error, law_force, stiffness, touched, force)
-        if slope >= 0.0 or not np.isfinite(slope):
-            law_force, stiffness, touched = law(y, False)
-            move, change, slope = _direction(compliance, error, law_force, stiffness, touched, force)
-            if slope >= 0.0 or not np.isfinite(slope):
+        error = found[0] - force
+        if np.linalg.norm(error) <= tolerance * max(float(np.linalg.norm(found[0])), floor):
+            return CondensedSolution(found[0], y, True, iteration)
+        size = float(error @ compliance @ error)
+        move, change, slope = _direction(compliance, error, found[1], found[2])
+        length = min(1.0, largest_move / max(float(np.abs(move).max()), 1e-300))
+        trial = law(y + length * move, True) if np.isfinite(slope) else found
+        rest = trial[0] - force - length * change
+        if np.isfinite(slope) and rest @ compliance @ rest <= 0.25 * size:
+            found = trial
+        else:
+            # Friction makes the stiffness unsymmetric and curvature makes it indefinite: without both of them, the
+            # direction is one of descent for sure.
+            if not slope < 0.0:
+                found = law(y, False)
+                move, change, slope = _direction(compliance, error, found[1], found[2])
+                length = min(1.0, largest_move / max(float(np.abs(move).max()), 1e-300))
+            if not slope < 0.0:
                 break
-        limit = largest_move / max(float(np.abs(move).max()), 1e-300)
-        length, found = _line_search(law, y, force, move, change, slope, min(1.0, limit))
+            length, found = _line_search(law, y, force, move, change, slope, length)
         y = y + length * move
         force = force + length * change
-        law_force, stiffness, touched = found
     return CondensedSolution(force, y, False, max_iterations)
 
 
 def _direction(
-    compliance: FloatArray, error: FloatArray, law_force: FloatArray, stiffness: FloatArray, touched: IntArray,
-    force: FloatArray,
+    compliance: FloatArray, error: FloatArray, stiffness: FloatArray, touched: IntArray,
 ) -> tuple[FloatArray, FloatArray, float]:
     """Newton's dy and dλ, and the slope dyᵀ (g − λ)."""
     residual = compliance @ error

@@ -145,12 +145,13 @@ def _gram_inverse(edges, m, inverse):  # type: ignore[no-untyped-def]
 @numba.njit(cache=True)
 def evaluate(  # type: ignore[no-untyped-def]
     x, samples, sample_pairs, triangles, corners, vertex_pairs, probe_triangles, gap, k, delta,
-    mu, k_slip, anchored, anchor_vertices, anchor_weights, anchor_normal, anchor_offset, curvature,
+    mu, k_slip, anchored, anchor_vertices, anchor_weights, anchor_normal, anchor_offset, exact,
 ):
     """Contact of placed probe samples and corners with skin vertices `x` (v, 3); see `mixpinn.fem.contact`.
 
     Contact points are the samples followed by the skin vertices. `anchor_offset` is elastic slip at the start minus
-    relative position at the start minus the position of the probe's material point, so that e = offset + Σ w x.
+    relative position at the start minus the position of the probe's material point, so that e = offset + Σ w x. Without `exact` the stiffness lacks
+    N ∂²d and the dependence of friction on N, and is positive semi-definite.
 
     Returns:
         energy, largest violation, number of active pairs, gradient (v, 3), stiffness (3 v, 3 v), which vertices carry
@@ -229,7 +230,7 @@ def evaluate(  # type: ignore[no-untyped-def]
             pair_vertex[pair, i] = vertices[i] if i < moving else 0
             for r in range(3):
                 pair_slope[pair, i, r] = -stiffness * weights[i] * direction[r] if i < moving else 0.0
-        bend = push / distance if curvature else 0.0
+        bend = push / distance if exact else 0.0
         for i in range(moving):
             if weights[i] != 0.0:
                 touched[vertices[i]] = True
@@ -242,12 +243,12 @@ def evaluate(  # type: ignore[no-untyped-def]
                         value = (stiffness + bend) * ww * direction[r] * direction[c]
                         if r == c:
                             value -= bend * ww
-                        if curvature:
+                        if exact:
                             for kk in range(m):
                                 for ll in range(m):
                                     value += bend * inverse[kk, ll] * lever[kk, i, r] * lever[ll, j, c]
                         hessian[3 * vertices[i] + r, 3 * vertices[j] + c] += value
-        if curvature and m > 0:
+        if exact and m > 0:
             for i in range(moving):
                 touched[vertices[i]] = True
     if mu > 0.0 and hits > 0:
@@ -298,7 +299,7 @@ def evaluate(  # type: ignore[no-untyped-def]
                             if r == c:
                                 value += 1.0
                             hessian[3 * vi + r, 3 * vj + c] += wi * wj * factor * value
-                if not sticks:
+                if exact and not sticks:
                     pair = last[key]
                     while pair >= 0:
                         for j in range(3):

@@ -69,12 +69,13 @@ class ContactProblem:
         nothing = np.empty((0, 2), dtype=np.int64)
         self._sample_pairs, self._vertex_pairs = nothing, nothing
 
-    def evaluate(self, positions: FloatArray, *, curvature: bool = True) -> ContactForces:
+    def evaluate(self, positions: FloatArray, *, exact: bool = True) -> ContactForces:
         """Energy, forces and stiffness.
 
         Args:
             positions: of the patch's vertices [mm], shape (v, 3).
-            curvature: whether the stiffness has the term N ∂²d, which may make it indefinite.
+            exact: whether the stiffness is the derivative of the gradient; otherwise it lacks N ∂²d and how friction
+                depends on N, and is symmetric and positive semi-definite.
         """
         positions = np.ascontiguousarray(positions)
         self._seek_pairs(positions)
@@ -83,7 +84,7 @@ class ContactProblem:
             positions, self._samples, self._sample_pairs, self.patch.triangles, self._corners, self._vertex_pairs,
             self.model.probe.surface.triangles, config.gap, config.stiffness, config.smoothing, config.friction,
             config.stiffness, self._anchored, self._anchor_vertices, self._anchor_weights, self._anchor_normal,
-            self._anchor_offset, curvature,
+            self._anchor_offset, exact,
         )
         return ContactForces(energy, gradient, stiffness, touched, slip, force, penetration, hits)
 

@@ -239,7 +239,7 @@ class QuasiStaticSolver:
         positions, jacobian = self._unknowns.positions(at.state), self._unknowns.jacobian(at.state)
 
         def law(y: FloatArray, exact: bool) -> tuple[FloatArray, FloatArray, IntArray]:
-            forces = problem.evaluate(positions + (jacobian @ y).reshape(-1, 3), curvature=exact)
+            forces = problem.evaluate(positions + (jacobian @ y).reshape(-1, 3), exact=exact)
             rows = np.flatnonzero(np.repeat(forces.touched, 3))
             some = jacobian[rows]
             columns = np.flatnonzero(some.any(axis=0))

@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from mixpinn.base.errors import InputError
+from mixpinn.base.files import hash_arrays
 from mixpinn.base.progress import console
-from mixpinn.base.rundir import finish_run, start_run, versions
+from mixpinn.base.rundir import finish_run, is_finished, start_run, versions
 from mixpinn.dataset import GenerationSummary, SimulationStore, Split, dataset_table
 from mixpinn.evaluation import (
     Case,
@@ -30,6 +31,7 @@ from mixpinn.pipeline.simulation_stage import SimulationConfig, TissueConfig
 from mixpinn.records import Evaluation, Probe, SampleTable, TissueMesh
 from mixpinn.serving import Predictor
 
+REPORT, WEIGHTS = "report.html", "weights.safetensors"
 
 @dataclass(frozen=True)
 class EvaluationConfig:
@@ -91,7 +93,8 @@ def evaluate_models(
         table: its samples.
         split: of its positions.
         config: what is evaluated and shown.
-        out: run directory: one JSON a model, ``report.html``, ``results.json``, ``.csv`` and ``.md``, pictures.
+        out: run directory: one JSON a model, ``report.html``, ``results.json``, ``.csv`` and ``.md``, pictures; a
+            finished evaluation there is read again.
         background: what the report tells besides.
         threads: CPU threads of the models.
 
@@ -103,20 +106,25 @@ def evaluate_models(
     """
     out, background = Path(out), background or Background()
     mesh, test = store.mesh(), table.at_positions(split.test)
-    start_run(
+    trained = [_load(folder, mesh, threads) for folder in models]
+    begun = start_run(
         out, "evaluate", config, seed=config.seed,
-        inputs={f"model {Path(folder).name}": Path(folder) / "weights.safetensors" for folder in models},
-        input_hashes={"mesh": mesh.hash(), "store": store.scene_hash},
+        inputs={f"model {i} {Path(folder).name}": Path(folder) / WEIGHTS for i, folder in enumerate(models)},
+        input_hashes={"mesh": mesh.hash(), "store": store.scene_hash, "test samples": _identity(test)},
     )
+    if begun and is_finished(out) and (out / REPORT).is_file():
+        evaluations = [Evaluation.load(path) for path in sorted(out.glob("evaluation-*.json"))]
+        console.print(results_table(evaluations, with_paper=config.with_paper).rich())
+        return tuple(evaluations), out / REPORT
     candidates: list[DisplacementModel] = [ZeroModel()]
     simulation = background.simulation or SimulationConfig()
     if config.prior:
         candidates.append(build_prior(mesh, simulation.tissues, simulation.tissue, table))
-    candidates += [_load(folder, mesh, threads) for folder in models]
+    candidates += trained
     evaluations = []
     for index, model in enumerate(candidates):
         evaluations.append(evaluate(model, test, mesh, split="test", notes={"split": split.name}))
-        evaluations[-1].save(out / f"evaluation-{index}-{_slug(model.name)}.json")
+        evaluations[-1].save(out / f"evaluation-{index:02d}-{_slug(model.name)}.json")
     pictures: tuple[Picture, ...] = ()
     note = "Pictures were not asked for."
     if config.pictures:
@@ -145,6 +153,13 @@ def evaluate_models(
     console.print(results_table(evaluations, with_paper=config.with_paper).rich())
     finish_run(out, {evaluation.model: float(evaluation.metrics["mee"].mean()) for evaluation in evaluations})
     return tuple(evaluations), report
+
+
+def _identity(table: SampleTable) -> str:
+    """Which samples are evaluated; what the fields are is told by the identity of the store."""
+    return hash_arrays(
+        table.position_index, table.rotation_deg, table.depth, table.contact_offsets, table.contact_nodes,
+    )
 
 
 def _load(folder: Path | str, mesh: TissueMesh, threads: int | None) -> Predictor:

@@ -5,12 +5,14 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Literal
 
+from mixpinn.base.arrays import FloatArray
 from mixpinn.base.errors import InputError
 from mixpinn.base.progress import console
 from mixpinn.base.rundir import finish_run, start_run
 from mixpinn.dataset import (
     ANATOMY,
     GenerationSummary,
+    Pose,
     Protocol,
     SimulationStore,
     generate,
@@ -118,6 +120,16 @@ def make_scene(mesh: TissueMesh, config: SimulationConfig) -> Scene:
     return Scene(mesh, probe, materials, config.contact, config.solver)
 
 
+def plan(mesh: TissueMesh, config: SimulationConfig, probe: Probe) -> tuple[FloatArray, tuple[Pose, ...]]:
+    """Listed probe positions [mm], shape (p, 3), and the poses of the protocol at them.
+
+    Raises:
+        InputError: unreadable positions, or no skin in the probe's way.
+    """
+    positions = grid_positions(mesh, config.protocol) if config.positions is None else read_positions(config.positions)
+    return positions, plan_poses(positions, config.protocol, mesh=mesh, probe=probe, gap=config.contact.gap)
+
+
 def make_simulations(
     mesh: TissueMesh, config: SimulationConfig, *, out: Path | str, scheduler: str | None = None,
 ) -> tuple[SimulationStore, GenerationSummary]:
@@ -137,23 +149,32 @@ def make_simulations(
     inputs = {name: path for name, path in (("probe", config.probe), ("positions", config.positions)) if path}
     settings = asdict(config)
     del settings["workers"]  # decides when, not what
-    start_run(out, "simulate", settings, inputs=inputs, input_hashes={"mesh": mesh.hash()})
+
+    def start() -> None:
+        start_run(out, "simulate", settings, inputs=inputs, input_hashes={"mesh": mesh.hash()})
+
     if (out / STORE / "store.json").exists():
+        start()
         store = SimulationStore.open(out / STORE, mesh=mesh)
     else:
-        positions = (
-            grid_positions(mesh, config.protocol) if config.positions is None else read_positions(config.positions)
-        )
-        poses = plan_poses(positions, config.protocol, mesh=mesh, probe=scene.probe, gap=config.contact.gap)
+        # Planned first, so that bad positions leave nothing behind.
+        positions, poses = plan(mesh, config, scene.probe)
+        start()
+        scene.probe.save(out / STORE / "probe.stl")
         store = SimulationStore.create(
             out / STORE, mesh, protocol=config.protocol, positions=positions, poses=poses, scene=scene_identity(scene),
         )
-        scene.probe.save(out / STORE / "probe.stl")
     summary = generate(
         scene, store.poses, store, workers=config.workers or os.cpu_count() or 1, threads=scene.solver.threads or 1,
         scheduler=scheduler,
     )
     summary.save(out / "summary.json")
+    if not summary.done:
+        raise InputError(
+            str(out), expected="at least one pose that can be simulated",
+            got=f"{summary.failed} failures, the first: {next(iter(summary.reasons), 'unknown')}",
+            fix="correct the settings and simulate into another folder",
+        )
     save_pose_map(store, out / "poses.png")
     finish_run(out, asdict(summary))
     console.print(summary.markdown())

@@ -11,14 +11,12 @@ from mixpinn.dataset import (
     SOFA_REPLAY,
     Pose,
     SimulationStore,
-    grid_positions,
-    plan_poses,
     probe_path,
     read_positions,
     summarize,
 )
 from mixpinn.interop import SofaSettings, export_sofa_scene, import_sofa
-from mixpinn.pipeline.simulation_stage import STORE, SimulationConfig, make_scene
+from mixpinn.pipeline.simulation_stage import STORE, SimulationConfig, make_scene, plan
 from mixpinn.records import TissueMesh
 
 
@@ -38,8 +36,7 @@ def export_sofa(mesh: TissueMesh, config: SimulationConfig, *, out: Path | str) 
             "tissue", expected="the energy 'stable', which SOFA implements", got="another one", fix="change the energy",
         )
     constants = [(tissue.material().mu, tissue.material().lam) for tissue in tissues]  # type: ignore[attr-defined]
-    positions = grid_positions(mesh, config.protocol) if config.positions is None else read_positions(config.positions)
-    poses = plan_poses(positions, config.protocol, mesh=mesh, probe=scene.probe, gap=config.contact.gap)
+    _, poses = plan(mesh, config, scene.probe)
     return export_sofa_scene(
         out, mesh, scene.probe,
         {(p.position_index, p.rotation_deg): probe_path(p.position, p.rotation_deg, config.protocol) for p in poses},

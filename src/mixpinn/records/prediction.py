@@ -7,8 +7,8 @@ import pyvista as pv
 
 from mixpinn.base.arrays import AnyArray
 from mixpinn.base.errors import InputError
-from mixpinn.base.files import atomic_path
 from mixpinn.records.tissue_mesh import TissueMesh
+from mixpinn.records.vtk_file import write_vtk
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,5 +47,4 @@ class Prediction:
                 str(path), expected=".vtu, .stl or .ply", got=path.suffix or "no suffix", fix="rename the output",
             )
         grid = self.grid()
-        with atomic_path(path) as temporary:
-            (grid if path.suffix == ".vtu" else grid.extract_surface(algorithm="dataset_surface")).save(temporary)
+        write_vtk(path, grid if path.suffix == ".vtu" else grid.extract_surface(algorithm="dataset_surface"))

@@ -8,7 +8,8 @@ import pyvista as pv
 
 from mixpinn.base.arrays import FloatArray, IntArray
 from mixpinn.base.errors import InputError
-from mixpinn.base.files import atomic_path, hash_arrays
+from mixpinn.base.files import hash_arrays
+from mixpinn.records.vtk_file import write_vtk
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,8 +32,7 @@ class Probe:
 
     def save(self, path: Path | str) -> None:
         """Write an ``.stl``."""
-        with atomic_path(path) as temporary:
-            pv.PolyData.from_regular_faces(self.points, self.triangles).save(temporary)
+        write_vtk(path, pv.PolyData.from_regular_faces(self.points, self.triangles))
 
     @staticmethod
     def load(path: Path | str) -> "Probe":

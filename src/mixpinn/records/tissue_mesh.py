@@ -9,8 +9,9 @@ import pyvista as pv
 
 from mixpinn.base.arrays import AnyArray, BoolArray, FloatArray, Int32Array, IntArray
 from mixpinn.base.errors import InputError
-from mixpinn.base.files import atomic_path, hash_arrays
+from mixpinn.base.files import hash_arrays
 from mixpinn.records.label_map import SCANNER_TO_WORLD
+from mixpinn.records.vtk_file import write_vtk
 
 TETRA_FACES = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])
 """Faces of a positively oriented tetrahedron, each opposite its vertex, normals outward."""
@@ -107,8 +108,7 @@ class TissueMesh:
 
     def save(self, path: Path | str) -> None:
         """Write a ``.vtu`` with the labels as point, cell and field data."""
-        with atomic_path(path) as temporary:
-            self.grid().save(temporary)
+        write_vtk(path, self.grid())
 
     @staticmethod
     def load(path: Path | str) -> "TissueMesh":
