@@ -7,6 +7,9 @@ RUNS ?= runs
 # Linear algebra, element kernels and networks share these cores.
 THREADS ?= $(shell nproc 2>/dev/null || echo 2)
 DATA ?= ../shared/data/patient1
+PROBE ?= $(wildcard $(DATA)/paper/probe_collision.stl)
+# The mesher CGAL is licensed under the GPL; EXTRAS=distributed,dev leaves it out, and fTetWild is used.
+EXTRAS ?= cgal,distributed,dev
 
 .PHONY: demo test check patient1 install clean help
 
@@ -18,15 +21,15 @@ install: $(STAMP) ## Make .venv with everything pinned
 $(STAMP): pyproject.toml constraints.txt
 	@command -v $(PYTHON) >/dev/null || { echo "Python 3.11 is needed: install it or pass PYTHON=/path/to/python"; exit 2; }
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[cgal,distributed,dev]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[$(EXTRAS)]'
 	touch $@
 
 demo: $(STAMP) ## The whole pipeline on the built-in phantom, from label map to report
 	$(BIN)/mixpinn demo --out $(RUNS)/demo
 
-patient1: $(STAMP) ## The same pipeline on a real patient (DATA=folder with one NIfTI a structure)
+patient1: $(STAMP) ## The same pipeline on a real patient (DATA=folder with one NIfTI a structure, PROBE=its .stl)
 	$(BIN)/mixpinn run configs/patient1.toml --set anatomy.path=$(DATA) \
-		--set simulation.probe=$(DATA)/paper/probe_collision.stl --out $(RUNS)/patient1
+		$(if $(PROBE),--set simulation.probe=$(PROBE)) --out $(RUNS)/patient1
 
 test: $(STAMP) ## The test suite
 	$(BIN)/python -m pytest -n 2 --dist loadfile

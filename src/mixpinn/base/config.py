@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import tomllib
+import typing
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
@@ -73,20 +74,38 @@ def _refuse_unknown(kind: Any, values: Mapping[str, Any], where: str) -> None:
                 fix="check the spelling",
             )
         nested = fields[key].type
-        if isinstance(value, Mapping) and dataclasses.is_dataclass(nested):
+        if not isinstance(value, Mapping):
+            continue
+        if dataclasses.is_dataclass(nested):
             _refuse_unknown(nested, value, f"{where}{key}.")
+        elif typing.get_origin(nested) is dict and dataclasses.is_dataclass(typing.get_args(nested)[1]):
+            for name, entry in value.items():
+                _refuse_unknown(typing.get_args(nested)[1], entry, f"{where}{key}.{name}.")
+
+
+def _defaults(kind: Any) -> dict[str, Any]:
+    """Defaults of `kind` as nested dictionaries; none where a setting has no default."""
+    required = [
+        field for field in dataclasses.fields(kind)
+        if field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING
+    ]
+    return {} if required else dataclasses.asdict(kind())
 
 
 def build_config(kind: type[C], *layers: Mapping[str, Any]) -> C:
     """Build the frozen dataclass `kind` from its defaults overlaid with `layers`, later ones winning.
 
+    The defaults are those of `kind` as a whole: naming one setting of a nested configuration leaves the others as
+    the outer one has them.
+
     Raises:
         InputError: an unknown setting or a value of the wrong type; the message names the setting.
     """
-    values: dict[str, Any] = {}
+    given: dict[str, Any] = {}
     for layer in layers:
-        values = merge(values, layer)
-    _refuse_unknown(kind, values, "")
+        given = merge(given, layer)
+    _refuse_unknown(kind, given, "")
+    values = merge(_defaults(kind), given)
     try:
         return TypeAdapter(kind).validate_python(values)
     except ValidationError as error:

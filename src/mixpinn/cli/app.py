@@ -33,6 +33,7 @@ Set = Annotated[
     list[str] | None, typer.Option("--set", help="Override a setting, for example train.max_epochs=20; repeatable."),
 ]
 Config = Annotated[Path | None, typer.Option("--config", "-c", help="Settings as TOML or JSON.")]
+SplitFile = Annotated[Path | None, typer.Option("--split", help="Split of the positions as JSON.")]
 Threads = Annotated[int | None, typer.Option(help="CPU threads; every core by default.")]
 
 
@@ -164,8 +165,7 @@ def simulate(
 @app.command()
 def dataset(
     source: Annotated[Path, typer.Argument(help="Folder that 'mixpinn simulate' wrote.")],
-    config: Config = None,
-    overrides: Set = None,
+    split_file: SplitFile = None,
 ) -> None:
     """Positions, poses and samples of each part of the split."""
     from mixpinn.dataset import SimulationStore, dataset_table
@@ -173,7 +173,7 @@ def dataset(
     from mixpinn.pipeline import SplitConfig, load_samples
 
     store = SimulationStore.open(_simulations(source))
-    table, split = load_samples(store, build_config(SplitConfig, *_layers(config, overrides)))
+    table, split = load_samples(store, SplitConfig(file=str(split_file) if split_file else None))
     console.print(dataset_counts_table(dataset_table(table, split)).rich())
 
 
@@ -186,6 +186,7 @@ def train(
     epochs: Annotated[int | None, typer.Option(help="Largest number of epochs.")] = None,
     scaling: Annotated[str | None, typer.Option(help="none or standard.")] = None,
     devices: Annotated[int, typer.Option(help="Processes, each with a device of its own.")] = 1,
+    split_file: SplitFile = None,
     config: Config = None,
     overrides: Set = None,
 ) -> None:
@@ -198,7 +199,7 @@ def train(
         {"train": {"max_epochs": epochs}} if epochs else {}, parse_overrides(overrides or []),
     )
     store = SimulationStore.open(_simulations(source))
-    table, split = load_samples(store, SplitConfig())
+    table, split = load_samples(store, SplitConfig(file=str(split_file) if split_file else None))
     result = train_model(model, settings, table, split, store, out=out, devices=devices)
     console.print(
         f"{len(result.history)} epochs, best {result.best_epoch} with {result.best_validation_loss:.4f} mm on the "
@@ -213,6 +214,7 @@ def evaluate(
     out: Out,
     pictures: Annotated[bool, typer.Option(help="Render the deformed mesh.")] = True,
     paper: Annotated[bool, typer.Option(help="Show the paper's rows too.")] = False,
+    split_file: SplitFile = None,
     threads: Threads = None,
 ) -> None:
     """Metrics on the test positions, pictures and the HTML report."""
@@ -230,7 +232,7 @@ def evaluate(
     store = SimulationStore.open(_simulations(source))
     record = source / "run.json"
     simulation = build_config(SimulationConfig, read_json(record)["config"]) if record.exists() else SimulationConfig()
-    table, split = load_samples(store, SplitConfig())
+    table, split = load_samples(store, SplitConfig(file=str(split_file) if split_file else None))
     _, report = evaluate_models(
         models, store, table, split, EvaluationConfig(pictures=pictures, with_paper=paper), out=out,
         background=Background(simulation=simulation), threads=threads,

@@ -65,6 +65,7 @@ def solve_condensed(
     force = start.copy()
     y = free - compliance @ force
     found = law(y, True)
+    previous = np.inf
     for iteration in range(max_iterations):
         error = found[0] - force
         if np.linalg.norm(error) <= tolerance * max(float(np.linalg.norm(found[0])), floor):
@@ -72,11 +73,13 @@ def solve_condensed(
         size = float(error @ compliance @ error)
         move, change, slope = _direction(compliance, error, found[1], found[2])
         length = min(1.0, largest_move / max(float(np.abs(move).max()), 1e-300))
-        trial = law(y + length * move, True) if np.isfinite(slope) else found
-        rest = trial[0] - force - length * change
-        if np.isfinite(slope) and rest @ compliance @ rest <= 0.25 * size:
-            found = trial
-        else:
+        # Newton's direction always shrinks the error at first; where steps by slope have begun to run in a circle
+        # between stick and slip, that is what a step is held to.
+        trial = None
+        if np.isfinite(slope):
+            trial = _shrink(law, compliance, (y, force), (move, change), length, size, patient=size >= previous)
+        previous = size
+        if trial is None:
             # Friction makes the stiffness unsymmetric and curvature makes it indefinite: without both of them, the
             # direction is one of descent for sure.
             if not slope < 0.0:
@@ -85,10 +88,25 @@ def solve_condensed(
                 length = min(1.0, largest_move / max(float(np.abs(move).max()), 1e-300))
             if not slope < 0.0:
                 break
-            length, found = _line_search(law, y, force, move, change, slope, length)
+            trial = _line_search(law, y, force, move, change, slope, length)
+        length, found = trial
         y = y + length * move
         force = force + length * change
     return CondensedSolution(force, y, False, max_iterations)
+
+
+def _shrink(
+    law: ContactLaw, compliance: FloatArray, at: tuple[FloatArray, FloatArray],
+    direction: tuple[FloatArray, FloatArray], length: float, size: float, *, patient: bool,
+) -> tuple[float, tuple[FloatArray, FloatArray, IntArray]] | None:
+    """Length at which the error's square Fᵀ W F has shrunk: to a quarter at once, or a little after halvings."""
+    for _ in range(12 if patient else 1):
+        found = law(at[0] + length * direction[0], True)
+        rest = found[0] - at[1] - length * direction[1]
+        if rest @ compliance @ rest <= (1.0 - 0.2 * length if patient else 0.25) * size:
+            return length, found
+        length *= 0.5
+    return None
 
 
 def _direction(

@@ -248,14 +248,15 @@ class QuasiStaticSolver:
                 forces.gradient.ravel() @ jacobian, some.T @ forces.stiffness[np.ix_(rows, rows)] @ some, columns,
             )
 
-        found = solve_condensed(
-            self._inverse.compliance, free, law, start=self._force, largest_move=0.5 * problem.model.config.gap,
-        )
-        self.effort.contact_iterations += found.iterations
-        if not found.converged:
-            return None
-        self._force = found.force
-        return found.force
+        for start in (self._force, np.zeros_like(self._force)):  # from the last contact, or else from none
+            found = solve_condensed(
+                self._inverse.compliance, free, law, start=start, largest_move=0.5 * problem.model.config.gap,
+            )
+            self.effort.contact_iterations += found.iterations
+            if found.converged:
+                self._force = found.force
+                return found.force
+        return None
 
     def _advance(
         self, at: Balance, step: FloatArray, problem: ContactProblem | None, history: list[float],

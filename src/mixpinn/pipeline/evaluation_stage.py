@@ -6,7 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
+from mixpinn.base.cache import cache_folder
 from mixpinn.base.errors import InputError
+from mixpinn.base.files import hash_arrays
 from mixpinn.base.files import hash_arrays
 from mixpinn.base.progress import console
 from mixpinn.base.rundir import finish_run, is_finished, start_run, versions
@@ -76,9 +78,16 @@ class Background:
 def build_prior(mesh: TissueMesh, tissues: Mapping[str, TissueConfig], default: TissueConfig, table: SampleTable) -> (
     ElasticPrior
 ):
-    """The elastic prior for every node that a probe may touch or a sample touches."""
-    materials = [tissues.get(name, default).material() for name in mesh.tissue_names]
-    return ElasticPrior.build(mesh, materials, nodes=np.union1d(probed_nodes(mesh), table.contact_nodes))
+    """The elastic prior for every node that a probe may touch or a sample touches; kept in the cache."""
+    used = [tissues.get(name, default) for name in mesh.tissue_names]
+    nodes = np.union1d(probed_nodes(mesh), table.contact_nodes)
+    key = hash_arrays(nodes, np.frombuffer(repr((mesh.hash(), used)).encode(), dtype=np.uint8))
+    folder = cache_folder("prior", key)
+    if (folder / "prior.json").exists():
+        return ElasticPrior.load(folder, mesh)
+    prior = ElasticPrior.build(mesh, [tissue.material() for tissue in used], nodes=nodes)
+    prior.save(folder)
+    return prior
 
 
 def evaluate_models(
@@ -126,7 +135,7 @@ def evaluate_models(
         evaluations.append(evaluate(model, test, mesh, split="test", notes={"split": split.name}))
         evaluations[-1].save(out / f"evaluation-{index:02d}-{_slug(model.name)}.json")
     pictures: tuple[Picture, ...] = ()
-    note = "Pictures were not asked for."
+    note = ""
     if config.pictures:
         shown = _shown(candidates, evaluations)
         index = typical_sample(evaluations[shown])

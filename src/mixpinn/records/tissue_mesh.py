@@ -124,7 +124,7 @@ class TissueMesh:
         if not {"part", "fixed"} <= set(grid.point_data) or "tissue" not in grid.cell_data:
             raise InputError(
                 str(path), expected="point data 'part' and 'fixed' and cell data 'tissue'",
-                got=f"point data {sorted(grid.point_data)}", fix="import it with 'mixpinn mesh --import'",
+                got=f"point data {sorted(grid.point_data)}", fix="import it with 'mixpinn mesh FILE.vtu'",
             )
         names = tuple(str(name) for name in grid.field_data["rigid_names"])
         return TissueMesh(
