@@ -20,7 +20,7 @@ MESH = {"size": 4.0}
 SIMULATION = {
     "workers": 1,
     "protocol": {
-        "rotations": [0.0], "approach": 1.0, "step": 1.0, "steps": 3, "start": "touch", "max_positions": 6,
+        "rotations": [0.0], "approach": 0.5, "step": 1.0, "steps": 3, "start": "touch", "max_positions": 6,
     },
 }
 MODELS = {"names": ["mixpinn"], "width": "tiny", "train": {"max_epochs": 2, "threads": 1}}

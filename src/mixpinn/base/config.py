@@ -23,14 +23,23 @@ def read_config_file(path: Path | str) -> dict[str, Any]:
     """
     path = Path(path)
     try:
-        text = path.read_text()
-        return tomllib.loads(text) if path.suffix == ".toml" else json.loads(text)
+        text = path.read_text(encoding="utf-8")
+        values = tomllib.loads(text) if path.suffix == ".toml" else json.loads(text)
     except FileNotFoundError as error:
         raise InputError(
             str(path), expected="a configuration file", got="no such file", fix="check the path",
         ) from error
+    except OSError as error:
+        raise InputError(
+            str(path), expected="a readable configuration file", got=error.strerror or str(error), fix="check the path",
+        ) from error
     except (tomllib.TOMLDecodeError, json.JSONDecodeError, UnicodeDecodeError) as error:
         raise InputError(str(path), expected="TOML or JSON", got=str(error), fix="mend the syntax") from error
+    if not isinstance(values, dict):
+        raise InputError(
+            str(path), expected="settings by name", got=type(values).__name__, fix='write for example {"seed": 1}',
+        )
+    return values
 
 
 def merge(base: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str, Any]:
@@ -111,6 +120,7 @@ def build_config(kind: type[C], *layers: Mapping[str, Any]) -> C:
     except ValidationError as error:
         first = error.errors()[0]
         raise InputError(
-            ".".join(str(part) for part in first["loc"]) or kind.__name__, expected=first["msg"],
+            ".".join(str(part) for part in first["loc"]) or kind.__name__,
+            expected=first["msg"].removeprefix("Input should be "),
             got=repr(first.get("input")), fix="correct the setting",
         ) from error

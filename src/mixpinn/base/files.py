@@ -109,6 +109,10 @@ def read_json(path: Path | str) -> Any:
         return json.loads(path.read_text())
     except FileNotFoundError as error:
         raise InputError(str(path), expected="a JSON file", got="no such file", fix="check the path") from error
+    except (IsADirectoryError, NotADirectoryError) as error:
+        raise InputError(
+            str(path), expected="a JSON file", got=error.strerror or str(error), fix="check the path",
+        ) from error
     except (json.JSONDecodeError, UnicodeDecodeError) as error:
         raise InputError(str(path), expected="valid JSON", got=str(error), fix="write the file again") from error
 

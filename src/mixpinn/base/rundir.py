@@ -13,6 +13,8 @@ from mixpinn.base.errors import InputError
 from mixpinn.base.files import hash_file, make_folder, read_json, write_json
 
 RECORD = "run.json"
+_begun: list[tuple[Path, bool]] = []
+"""Run directories that this process began, and whether the folder was there before."""
 _PACKAGES = ("mixpinn", "numpy", "scipy", "numba", "torch", "torch-geometric", "zarr", "pyvista", "nibabel")
 
 
@@ -52,6 +54,7 @@ def start_run(
         InputError: the folder holds another run, or its path is that of a file.
     """
     folder = Path(folder)
+    existed = folder.is_dir()
     make_folder(folder)
     settings = asdict(config) if is_dataclass(config) and not isinstance(config, type) else dict(config)
     identity = {
@@ -73,7 +76,22 @@ def start_run(
         "input_paths": {name: str(path) for name, path in (inputs or {}).items()},
         "started": datetime.now(UTC).isoformat(timespec="seconds"),
     })
+    _begun.append((folder.absolute(), existed))
     return False
+
+
+def withdraw_unused_runs() -> None:
+    """Undo the runs that this process began and that hold no more than their record.
+
+    Bad input may be found only after a run was begun; without results the record would stand in the way of the
+    corrected run.
+    """
+    while _begun:
+        folder, existed = _begun.pop()
+        if folder.is_dir() and [path.name for path in folder.iterdir()] == [RECORD]:
+            (folder / RECORD).unlink()
+            if not existed:
+                folder.rmdir()
 
 
 def finish_run(folder: Path | str, results: Mapping[str, Any]) -> None:

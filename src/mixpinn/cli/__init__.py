@@ -2,9 +2,11 @@
 
 import logging
 import sys
+import warnings
 
 from mixpinn.base.errors import MixpinnError
 from mixpinn.base.files import NO_ROOM
+from mixpinn.base.rundir import withdraw_unused_runs
 from mixpinn.cli.app import app
 
 __all__ = ["app", "main"]
@@ -12,8 +14,10 @@ __all__ = ["app", "main"]
 
 def main() -> None:
     """Run the command line; whatever a user can mend is said in one line, with exit code 2."""
-    # VTK reports through the root logger what is said here in one line.
+    # What libraries log and warn of beside their errors (VTK at length) is said here in one line.
     logging.basicConfig(handlers=[logging.NullHandler()])
+    if not sys.warnoptions:
+        warnings.simplefilter("ignore")
     try:
         sys.exit(app(standalone_mode=True) or 0)
     except MixpinnError as error:
@@ -27,5 +31,6 @@ def main() -> None:
 
 
 def _leave(message: str, code: int) -> None:
+    withdraw_unused_runs()
     print(f"mixpinn: {message}", file=sys.stderr)
     sys.exit(code)

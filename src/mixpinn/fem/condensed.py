@@ -65,7 +65,7 @@ def solve_condensed(
     force = start.copy()
     y = free - compliance @ force
     found = law(y, True)
-    previous = np.inf
+    least = np.inf
     for iteration in range(max_iterations):
         error = found[0] - force
         if np.linalg.norm(error) <= tolerance * max(float(np.linalg.norm(found[0])), floor):
@@ -77,8 +77,8 @@ def solve_condensed(
         # between stick and slip, that is what a step is held to.
         trial = None
         if np.isfinite(slope):
-            trial = _shrink(law, compliance, (y, force), (move, change), length, size, patient=size >= previous)
-        previous = size
+            trial = _shrink(law, compliance, (y, force), (move, change), length, size, patient=size >= least)
+        least = min(least, size)
         if trial is None:
             # Friction makes the stiffness unsymmetric and curvature makes it indefinite: without both of them, the
             # direction is one of descent for sure.

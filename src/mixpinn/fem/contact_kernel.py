@@ -76,6 +76,45 @@ def triangles_within(points, vertices, triangles, cutoff):  # type: ignore[no-un
 
 
 @numba.njit(cache=True)
+def points_beneath(points, vertices, triangles):  # type: ignore[no-untyped-def]
+    """Whether each point lies behind the place of the surface that is nearest to it.
+
+    The side of an edge or a vertex is that of the mean normal, weighted at vertices by the angles of the triangles
+    (J. A. Bærentzen and H. Aanæs, IEEE Transactions on Visualization and Computer Graphics 11, 2005).
+    """
+    beneath = np.zeros(len(points), np.bool_)
+    squared = np.empty(len(triangles))
+    for i in range(len(points)):
+        x, y, z = points[i, 0], points[i, 1], points[i, 2]
+        least = np.inf
+        for t in range(len(triangles)):
+            a, b, c = vertices[triangles[t, 0]], vertices[triangles[t, 1]], vertices[triangles[t, 2]]
+            squared[t] = nearest_on_triangle(x, y, z, a, b, c)[3]
+            least = min(least, squared[t])
+        side = 0.0
+        for t in range(len(triangles)):
+            if squared[t] > least * (1.0 + 1e-9) + 1e-18:
+                continue
+            a, b, c = vertices[triangles[t, 0]], vertices[triangles[t, 1]], vertices[triangles[t, 2]]
+            wa, wb, wc, _, feature = nearest_on_triangle(x, y, z, a, b, c)
+            if feature == 5:
+                a, b, c = b, c, a
+            elif feature == 6:
+                a, b, c = c, a, b
+            u, v = b - a, c - a
+            normal = np.cross(u, v)
+            area = np.sqrt((normal * normal).sum())
+            if area == 0.0:
+                continue
+            weight = np.arctan2(area, (u * v).sum()) if feature >= 4 else 1.0
+            corner = vertices[triangles[t]]
+            place = wa * corner[0] + wb * corner[1] + wc * corner[2]
+            side += weight / area * ((points[i] - place) * normal).sum()
+        beneath[i] = side < 0.0
+    return beneath
+
+
+@numba.njit(cache=True)
 def points_inside(points, vertices, triangles):  # type: ignore[no-untyped-def]
     """Whether each point lies inside the closed surface: its winding number, Σ solid angles / 4π, exceeds ½.
 

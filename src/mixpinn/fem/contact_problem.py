@@ -6,7 +6,7 @@ import numpy as np
 
 from mixpinn.base.arrays import BoolArray, FloatArray
 from mixpinn.fem.contact import ContactModel, FrictionFrame, ProbePose
-from mixpinn.fem.contact_kernel import close_pairs, evaluate
+from mixpinn.fem.contact_kernel import close_pairs, evaluate, points_beneath
 from mixpinn.fem.contact_surface import SkinPatch
 
 _MARGIN = 2.0
@@ -95,6 +95,15 @@ class ContactProblem:
         slip[:n_samples] = forces.slip[:n_samples]
         slip[n_samples + self.patch.vertices] = forces.slip[n_samples:]
         return slip
+
+    def tunnelled(self, positions: FloatArray) -> bool:
+        """Whether a probe sample that was near the skin at the start of the step is on its wrong side now.
+
+        Args:
+            positions: of the patch's vertices [mm], shape (v, 3).
+        """
+        near = self._samples[self._anchored[: len(self._samples)]]
+        return bool(points_beneath(near, np.ascontiguousarray(positions), self.patch.triangles).any())
 
     def _seek_pairs(self, positions: FloatArray) -> None:
         """List the pairs that may touch, again only where a vertex has moved far since the last time."""

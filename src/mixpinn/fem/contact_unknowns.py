@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mixpinn.base.arrays import FloatArray, IntArray
+from mixpinn.base.arrays import BoolArray, FloatArray, IntArray
 from mixpinn.fem.contact_surface import SkinPatch, SkinSurface
 from mixpinn.fem.system import ElasticSystem, State
 
@@ -14,8 +14,17 @@ class ContactUnknowns:
         kept: unknowns that move a vertex of the patch, ascending, shape (m,).
     """
 
-    def __init__(self, system: ElasticSystem, skin: SkinSurface, patch: SkinPatch) -> None:
-        """Look up what moves each vertex: free nodes, or rigid parts where a vertex lies in a cell beside one."""
+    def __init__(
+        self, system: ElasticSystem, skin: SkinSurface, patch: SkinPatch, *, held: BoolArray | None = None,
+    ) -> None:
+        """Look up what moves each vertex: free nodes, or rigid parts where a vertex lies in a cell beside one.
+
+        Args:
+            system: the body.
+            skin: its skin.
+            patch: the part of the skin.
+            held: unknowns that do not change, shape (n_dofs,).
+        """
         self._system, self._skin, self._patch = system, skin, patch
         self._nodes, self._weights = skin.nodes[patch.vertices], skin.weights[patch.vertices]
         n_parts = system.mesh.n_parts
@@ -29,11 +38,13 @@ class ContactUnknowns:
         twists = [self._first_twist + 6 * k + np.arange(6) for k, _, _ in self._rigid]
         self.kept: IntArray = np.unique(np.concatenate([soft[used].ravel(), *twists, np.empty(0, dtype=np.int64)]))
         self.kept = self.kept[self.kept >= 0]
+        if held is not None:
+            self.kept = self.kept[~held[self.kept]]
         self._soft_jacobian = np.zeros((3 * len(patch.vertices), len(self.kept)))
         vertex, which = np.nonzero(used)
         for axis in range(3):
             unknown = soft[vertex, which, axis]
-            moved = unknown >= 0
+            moved = np.isin(unknown, self.kept)
             np.add.at(
                 self._soft_jacobian,
                 (3 * vertex[moved] + axis, np.searchsorted(self.kept, unknown[moved])), self._weights[vertex, which][moved],

@@ -134,7 +134,7 @@ class QuasiStaticSolver:
             self._patch, self._unknowns, self._force = None, None, np.empty(0)
             return
         self._patch = patch
-        self._unknowns = ContactUnknowns(self.system, self.contact.skin, patch)
+        self._unknowns = ContactUnknowns(self.system, self.contact.skin, patch, held=self.held)
         self._force = np.zeros(len(self._unknowns.kept))
 
     def problem(self, pose: ProbePose, frame: FrictionFrame) -> ContactProblem | None:
@@ -201,6 +201,8 @@ class QuasiStaticSolver:
             if slow or len(self._inverse) >= self.config.updates:
                 self._inverse = None
         converged = history[-1] <= self.config.tolerance
+        if converged and problem is not None and self._unknowns is not None:
+            converged = not problem.tunnelled(self._unknowns.positions(at.state))
         return StepSolution(at, converged, history, problem)
 
     def _iterate(self, at: Balance, problem: ContactProblem | None, history: list[float]) -> Balance | None:
@@ -219,8 +221,6 @@ class QuasiStaticSolver:
                 return None
             gradient = gradient.copy()
             gradient[self._unknowns.kept] += force
-            if self.held is not None:
-                gradient[self.held] = 0.0
             start = time.perf_counter()
             step = -self._inverse.apply(gradient)
             self.effort.add("solve", start)
@@ -248,10 +248,14 @@ class QuasiStaticSolver:
                 forces.gradient.ravel() @ jacobian, some.T @ forces.stiffness[np.ix_(rows, rows)] @ some, columns,
             )
 
-        for start in (self._force, np.zeros_like(self._force)):  # from the last contact, or else from none
-            found = solve_condensed(
-                self._inverse.compliance, free, law, start=start, largest_move=0.5 * problem.model.config.gap,
-            )
+        # Start from the last forces where they leave the skin about where it is, else from where it is: a start
+        # without forces would let the skin spring back through the probe.
+        gap, compliance = problem.model.config.gap, self._inverse.compliance
+        starts = [np.linalg.solve(compliance, free)]
+        if np.abs(free - compliance @ self._force).max(initial=0.0) < 0.25 * gap:
+            starts.insert(0, self._force)
+        for start in starts:
+            found = solve_condensed(compliance, free, law, start=start, largest_move=0.3 * gap)
             self.effort.contact_iterations += found.iterations
             if found.converged:
                 self._force = found.force
@@ -289,9 +293,6 @@ class QuasiStaticSolver:
         start = time.perf_counter()
         kept = np.empty(0, dtype=np.int64) if self._unknowns is None else self._unknowns.kept
         compliance = self.linear.factorize_with_compliance(matrix, kept)
-        if self.held is not None and len(kept):
-            compliance[self.held[kept]] = 0.0
-            compliance[:, self.held[kept]] = 0.0
         self.effort.add("factorization", start)
         self.effort.factorizations += 1
         return UpdatedInverse(self.linear.solve, compliance, kept)

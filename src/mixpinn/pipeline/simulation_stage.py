@@ -102,6 +102,12 @@ class SimulationConfig:
     solver: SolverConfig = field(default_factory=lambda: SolverConfig(threads=1))
     workers: int = 0
 
+    def __post_init__(self) -> None:
+        if self.workers < 0:
+            raise InputError(
+                "workers", expected="0 for every core, or more", got=str(self.workers), fix="correct the setting",
+            )
+
 
 def make_scene(mesh: TissueMesh, config: SimulationConfig) -> Scene:
     """The scene of `config` on `mesh`.

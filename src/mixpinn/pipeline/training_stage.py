@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Literal
 
 from mixpinn.base.errors import InputError
-from mixpinn.dataset import SimulationStore, Split, build_sample_table, split_positions
+from mixpinn.dataset import PoseState, SimulationStore, Split, build_sample_table, split_positions
 from mixpinn.graph import Scaling
 from mixpinn.models import MODELS, ModelConfig
 from mixpinn.records import SampleTable
@@ -87,8 +87,15 @@ def load_samples(store: SimulationStore, config: SplitConfig) -> tuple[SampleTab
     """All samples of the store, and the split.
 
     Raises:
-        InputError: a part of the split has no sample.
+        InputError: the simulations are not finished, or a part of the split has no sample.
     """
+    missing = [status for status in store.statuses() if status.state is PoseState.MISSING]
+    if missing:
+        raise InputError(
+            str(store.folder), expected="finished simulations",
+            got=f"{len(missing)} poses missing, the first {missing[0].name} ({missing[0].reason})",
+            fix="run 'mixpinn simulate' again: finished poses are kept",
+        )
     table, split = build_sample_table(store, contact=config.contact), make_split(store, config)
     for name, positions in split.parts.items():
         if not len(table.at_positions(positions)):

@@ -74,14 +74,16 @@ class LabelMap:
         about = read_json(_sidecar(path))
         try:
             labels = np.asarray(nib.load(path).dataobj).astype(np.uint8)
+            return LabelMap(
+                labels, np.array(about["affine"], dtype=np.float64).reshape(4, 4),
+                np.array(about["world_to_scanner"], dtype=np.float64).reshape(4, 4),
+                tuple(about["soft_names"]), tuple(about["rigid_names"]),
+            )
         except Exception as error:  # nibabel raises many kinds: zlib, EOF, header
             raise InputError(
-                str(path), expected="a label map", got=str(error), fix="run 'mixpinn anatomy' again",
+                str(path), expected="a label map and its description", got=f"{type(error).__name__}: {error}",
+                fix="run 'mixpinn anatomy' again",
             ) from error
-        return LabelMap(
-            labels, np.array(about["affine"]), np.array(about["world_to_scanner"]),
-            tuple(about["soft_names"]), tuple(about["rigid_names"]),
-        )
 
 
 def _sidecar(path: Path) -> Path:
