@@ -7,9 +7,9 @@ import nibabel as nib
 import numpy as np
 import pytest
 import pyvista as pv
-from pipeline.chain import command, contents
 
 from mixpinn.records import LabelMap, TissueMesh
+from pipeline.chain import command, contents
 
 SHAPE = (12, 11, 20)
 
@@ -167,7 +167,8 @@ class TestMesh:
         refused("mesh", tmp_path / "a", "--out", tmp_path / "out", says="body", out=tmp_path / "out")
 
     @pytest.mark.parametrize(("words", "says"), [
-        (["--size", "0"], "size"), (["--mesher", "gmsh"], "'auto', 'cgal' or 'tetwild'"), (["--set", "sizing.cell_size=x"], "cell_size"),
+        (["--size", "0"], "size"), (["--mesher", "gmsh"], "'auto', 'cgal' or 'tetwild'"),
+        (["--set", "sizing.cell_size=x"], "cell_size"),
     ])
     def test_bad_settings(self, chain, tmp_path, words, says):
         refused("mesh", chain.anatomy, "--out", tmp_path / "out", *words, says=says, out=tmp_path / "out")

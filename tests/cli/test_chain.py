@@ -6,11 +6,11 @@ import shutil
 import numpy as np
 import pytest
 import pyvista as pv
-from pipeline.chain import RUN, command, contents, done
 
 from mixpinn.base.rundir import is_finished
 from mixpinn.dataset import SimulationStore
 from mixpinn.records import LabelMap, TissueMesh
+from pipeline.chain import RUN, command, contents, done
 
 
 def test_every_stage_leaves_a_folder_that_explains_itself(chain):

@@ -103,6 +103,7 @@ def chain(tmp_path_factory):
     base = tmp_path_factory.getbasetemp()
     base = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "chain"
     base.mkdir(exist_ok=True)
+    os.environ.setdefault("MIXPINN_CACHE", str(base / "cache"))
     chain = Chain(base / "run")
     with (base / "lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)

@@ -215,12 +215,14 @@ def evaluate(
     pictures: Annotated[bool, typer.Option(help="Render the deformed mesh.")] = True,
     paper: Annotated[bool, typer.Option(help="Show the paper's rows too.")] = False,
     split_file: SplitFile = None,
+    paper_constants: PaperConstants = False,
     threads: Threads = None,
 ) -> None:
     """Metrics on the test positions, pictures and the HTML report."""
     from mixpinn.base.files import read_json
     from mixpinn.dataset import SimulationStore
     from mixpinn.pipeline import (
+        PAPER_TISSUE_CONFIG,
         Background,
         EvaluationConfig,
         SimulationConfig,
@@ -230,8 +232,13 @@ def evaluate(
     )
 
     store = SimulationStore.open(_simulations(source))
-    record = source / "run.json"
-    simulation = build_config(SimulationConfig, read_json(record)["config"]) if record.exists() else SimulationConfig()
+    record = store.folder.parent / "run.json"
+    made = read_json(record) if record.exists() else {}
+    # Recordings of other simulators do not tell the tissue's constants, which the elastic prior needs.
+    simulation = build_config(
+        SimulationConfig, made["config"] if made.get("stage") == "simulate" else {},
+        {"tissue": asdict(PAPER_TISSUE_CONFIG)} if paper_constants else {},
+    )
     table, split = load_samples(store, SplitConfig(file=str(split_file) if split_file else None))
     _, report = evaluate_models(
         models, store, table, split, EvaluationConfig(pictures=pictures, with_paper=paper), out=out,

@@ -2,6 +2,7 @@
 
 from mixpinn.fem.contact import ContactConfig, ContactModel, ProbePose
 from mixpinn.fem.contact_surface import ProbeSurface, SkinSurface
+from mixpinn.fem.imposed import ImposedSolution, solve_imposed
 from mixpinn.fem.linear import LinearSolver, PardisoSolver, SuperLUSolver, default_solver
 from mixpinn.fem.material import PAPER_TISSUE, LinearElastic, Material, StableNeoHookean, StableNeoHookeanLog
 from mixpinn.fem.probe_shapes import linear_probe, spherical_probe
@@ -11,8 +12,8 @@ from mixpinn.fem.solve import QuasiStaticSolver, SolverConfig
 from mixpinn.fem.system import ElasticSystem, State
 
 __all__ = [
-    "PAPER_TISSUE", "ContactConfig", "ContactModel", "ElasticSystem", "LinearElastic", "LinearSolver", "Material",
-    "PardisoSolver", "PoseSimulator", "ProbePose", "ProbeSurface", "QuasiStaticSolver", "Scene", "SkinSurface",
-    "SolverConfig", "StableNeoHookean", "StableNeoHookeanLog", "State", "SuperLUSolver", "default_solver",
-    "linear_probe", "simulate_pose", "spherical_probe",
+    "PAPER_TISSUE", "ContactConfig", "ContactModel", "ElasticSystem", "ImposedSolution", "LinearElastic",
+    "LinearSolver", "Material", "PardisoSolver", "PoseSimulator", "ProbePose", "ProbeSurface", "QuasiStaticSolver",
+    "Scene", "SkinSurface", "SolverConfig", "StableNeoHookean", "StableNeoHookeanLog", "State", "SuperLUSolver",
+    "default_solver", "linear_probe", "simulate_pose", "solve_imposed", "spherical_probe",
 ]

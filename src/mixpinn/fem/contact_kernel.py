@@ -189,8 +189,8 @@ def evaluate(  # type: ignore[no-untyped-def]
     """Contact of placed probe samples and corners with skin vertices `x` (v, 3); see `mixpinn.fem.contact`.
 
     Contact points are the samples followed by the skin vertices. `anchor_offset` is elastic slip at the start minus
-    relative position at the start minus the position of the probe's material point, so that e = offset + Σ w x. Without `exact` the stiffness lacks
-    N ∂²d and the dependence of friction on N, and is positive semi-definite.
+    relative position at the start minus the position of the probe's material point, so that e = offset + Σ w x.
+    Without `exact` the stiffness lacks N ∂²d and the dependence of friction on N, and is positive semi-definite.
 
     Returns:
         energy, largest violation, number of active pairs, gradient (v, 3), stiffness (3 v, 3 v), which vertices carry
@@ -228,7 +228,9 @@ def evaluate(  # type: ignore[no-untyped-def]
             point = x[vertex]
             for i in range(3):
                 corner[i] = corners[probe_triangles[t, i]]
-        wa, wb, wc, squared, feature = nearest_on_triangle(point[0], point[1], point[2], corner[0], corner[1], corner[2])
+        wa, wb, wc, squared, feature = nearest_on_triangle(
+            point[0], point[1], point[2], corner[0], corner[1], corner[2],
+        )
         distance = np.sqrt(squared)
         phi, push, stiffness = _penalty(gap - distance, k, delta)
         if push == 0.0:

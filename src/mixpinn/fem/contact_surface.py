@@ -31,13 +31,6 @@ class SkinSurface:
             return points[self.nodes[:, 0]]
         return np.einsum("vw,vwk->vk", self.weights, points[self.nodes])
 
-    def coupled_nodes(self) -> IntArray:
-        """Pairs i < j of mesh nodes that a contact on one triangle couples, shape (p, 2)."""
-        around = self.nodes[self.surface.triangles].reshape(len(self.surface.triangles), -1)
-        first, second = np.triu_indices(around.shape[1], k=1)
-        pairs = np.sort(np.stack([around[:, first].ravel(), around[:, second].ravel()], axis=1), axis=1)
-        return np.unique(pairs[pairs[:, 0] < pairs[:, 1]], axis=0)
-
     @staticmethod
     def of_mesh(mesh: TissueMesh) -> "SkinSurface":
         """The mesh's own skin."""

@@ -32,23 +32,22 @@ class ContactUnknowns:
         soft = system.node_dofs(self._nodes.ravel()).reshape(*self._nodes.shape, 3)
         used = self._weights != 0.0
         self._first_twist = system.n_dofs - 6 * n_parts
-        self._rigid = [
-            (k, *np.nonzero((part == k + 1) & used)) for k in range(n_parts) if ((part == k + 1) & used).any()
+        self._rigid: list[tuple[int, IntArray]] = [
+            (k, np.argwhere((part == k + 1) & used)) for k in range(n_parts) if ((part == k + 1) & used).any()
         ]
-        twists = [self._first_twist + 6 * k + np.arange(6) for k, _, _ in self._rigid]
-        self.kept: IntArray = np.unique(np.concatenate([soft[used].ravel(), *twists, np.empty(0, dtype=np.int64)]))
-        self.kept = self.kept[self.kept >= 0]
-        if held is not None:
-            self.kept = self.kept[~held[self.kept]]
-        self._soft_jacobian = np.zeros((3 * len(patch.vertices), len(self.kept)))
+        twists = [self._first_twist + 6 * k + np.arange(6) for k, _ in self._rigid]
+        moving = np.unique(np.concatenate([soft[used].ravel(), *twists, np.empty(0, dtype=np.int64)]))
+        moving = moving[moving >= 0]
+        self._soft_jacobian = np.zeros((3 * len(patch.vertices), len(moving)))
         vertex, which = np.nonzero(used)
         for axis in range(3):
             unknown = soft[vertex, which, axis]
-            moved = np.isin(unknown, self.kept)
-            np.add.at(
-                self._soft_jacobian,
-                (3 * vertex[moved] + axis, np.searchsorted(self.kept, unknown[moved])), self._weights[vertex, which][moved],
-            )
+            moved = unknown >= 0
+            place = (3 * vertex[moved] + axis, np.searchsorted(moving, unknown[moved]))
+            np.add.at(self._soft_jacobian, place, self._weights[vertex, which][moved])
+        self._moving = moving
+        self._free = np.ones(len(moving), dtype=bool) if held is None else ~held[moving]
+        self.kept: IntArray = moving[self._free]
 
     def positions(self, state: State) -> FloatArray:
         """Positions of the patch's vertices [mm], shape (v, 3)."""
@@ -59,18 +58,18 @@ class ContactUnknowns:
     def jacobian(self, state: State) -> FloatArray:
         """Derivative of the vertices' coordinates by the kept unknowns, shape (3 v, m)."""
         if not self._rigid:
-            return self._soft_jacobian
+            return self._soft_jacobian[:, self._free]
         jacobian = self._soft_jacobian.copy()
-        for k, vertex, which in self._rigid:
-            column = int(np.searchsorted(self.kept, self._first_twist + 6 * k))
+        for k, places in self._rigid:
+            column = int(np.searchsorted(self._moving, self._first_twist + 6 * k))
             centre = state.points[self._system.mesh.part == k + 1].mean(axis=0)
-            for v, w in zip(vertex, which, strict=True):
+            for v, w in places:
                 weight = self._weights[v, w]
                 x, y, z = weight * (state.points[self._nodes[v, w]] - centre)
                 jacobian[3 * v : 3 * v + 3, column : column + 3] += weight * np.eye(3)
                 # δx = δw × d
                 jacobian[3 * v : 3 * v + 3, column + 3 : column + 6] += [[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]]
-        return jacobian
+        return jacobian[:, self._free]
 
     def on_nodes(self, gradient: FloatArray) -> FloatArray:
         """Gradient by vertices (v, 3) as gradient by mesh nodes [N], shape (n, 3)."""

@@ -73,10 +73,10 @@ class PoseSimulator:
         """
         poses = [ProbePose(r, t) for r, t in zip(path.rotations, path.translations, strict=True)]
         rest = self.system.rest_state()
-        self._refuse_start_inside(poses[0], rest)
+        entry = self._entry(poses[0], rest)
         recorder = _Recorder(self.contact, self.system, len(poses))
-        self.solver.begin(self.contact.reachable(self._skin(rest), poses, margin=_MARGIN))
-        last = _Equilibrium(self.solver.balance(rest, None), poses[0], None, None)
+        self.solver.begin(self.contact.reachable(self._skin(rest), [entry, *poses], margin=_MARGIN))
+        last = _Equilibrium(self.solver.balance(rest, None), entry, None, None)
         for step, pose in enumerate(poses):
             began, effort = time.perf_counter(), self.solver.effort.iterations
             found, residual = self._follow(last, pose)
@@ -95,14 +95,26 @@ class PoseSimulator:
     def _skin(self, state: State) -> FloatArray:
         return self.contact.skin.vertices(state.points)
 
-    def _refuse_start_inside(self, pose: ProbePose, rest: State) -> None:
-        inside, distance = self.contact.clearance(self._skin(rest), pose)
-        if inside or distance < 0.5 * self.scene.contact.gap:
+    def _entry(self, first: ProbePose, rest: State) -> ProbePose:
+        """Where the probe stands before the first step: that step's pose, drawn back until contact does not act yet.
+
+        A path may begin at first touch, so that its first step already indents.
+        """
+        vertices, gap = self._skin(rest), self.scene.contact.gap
+        inside, distance = self.contact.clearance(vertices, first)
+        if inside:
             raise InputError(
                 "probe", expected="a path that begins outside the body",
-                got=f"{inside} probe points under the skin at the first step" if inside else "a start closer than half the gap",
+                got=f"{inside} probe points under the skin at the first step",
                 fix="start higher above the skin (a longer approach) or check the frame of the positions",
             )
+        backwards, pose = first.rotation @ np.array([0.0, 1.0, 0.0]), first
+        for _ in range(20):
+            if distance >= gap:
+                break
+            pose = ProbePose(pose.rotation, pose.translation + 0.25 * gap * backwards)
+            _, distance = self.contact.clearance(vertices, pose)
+        return pose
 
     def _follow(self, last: _Equilibrium, pose: ProbePose) -> tuple[tuple[_Equilibrium, IntArray] | None, float]:
         """Go to `pose` and see to it that no skin beside the patch was touched; also the skin vertices near it."""
@@ -197,8 +209,10 @@ class _Recorder:
         self.forces: list[FloatArray] = []
 
     def write(
-        self, step: int, at: Balance, pose: ProbePose, near: IntArray, *, residual: float, iterations: int, seconds: float,
+        self, step: int, at: Balance, pose: ProbePose, near: IntArray, *, residual: float, iterations: int,
+        seconds: float,
     ) -> None:
+        """Record a converged step; `near` are the skin vertices within the alarm distance."""
         points = at.state.points
         self.displacement[step] = points - self.system.mesh.points
         self.wrench[step, :3] = at.external.sum(axis=0)

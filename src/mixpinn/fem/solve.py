@@ -12,6 +12,7 @@ import time
 from dataclasses import dataclass, field
 
 import numpy as np
+import scipy.sparse as sp
 
 from mixpinn.base.arrays import BoolArray, FloatArray, IntArray
 from mixpinn.base.errors import SolveError
@@ -20,7 +21,7 @@ from mixpinn.fem.contact import ContactModel, FrictionFrame, ProbePose
 from mixpinn.fem.contact_problem import ContactForces, ContactProblem
 from mixpinn.fem.contact_surface import SkinPatch
 from mixpinn.fem.contact_unknowns import ContactUnknowns
-from mixpinn.fem.linear import LinearSolver, default_solver
+from mixpinn.fem.linear import LinearSolver, default_solver, symmetric_product
 from mixpinn.fem.quasi_newton import UpdatedInverse
 from mixpinn.fem.system import ElasticSystem, State
 
@@ -205,6 +206,27 @@ class QuasiStaticSolver:
             converged = not problem.tunnelled(self._unknowns.positions(at.state))
         return StepSolution(at, converged, history, problem)
 
+    def displace(self, state: State, increment: FloatArray) -> State:
+        """`state` with the held unknowns moved by `increment` and all others as the linearised body answers.
+
+        Args:
+            state: where to start.
+            increment: shape (n_dofs,) [mm, rad]; entries of unknowns that are not held are ignored.
+
+        Raises:
+            SolveError: the tangent is singular.
+        """
+        assert self.held is not None
+        at = self.balance(state, None)
+        start = time.perf_counter()
+        matrix = self.system.tangent(state, nodal_gradient=at.internal, project=True)
+        imposed = np.where(self.held, increment, 0.0)
+        rhs = np.where(self.held, imposed, -at.elastic - symmetric_product(matrix, imposed))
+        matrix = self.system.hold(matrix, self.held)
+        self.effort.add("assembly", start)
+        self._inverse = self._factorize_matrix(matrix)
+        return self.system.advance(state, self.linear.solve(rhs))
+
     def _iterate(self, at: Balance, problem: ContactProblem | None, history: list[float]) -> Balance | None:
         """One iteration from `at`; None where it leads nowhere."""
         assert self._inverse is not None
@@ -251,7 +273,7 @@ class QuasiStaticSolver:
         # Start from the last forces where they leave the skin about where it is, else from where it is: a start
         # without forces would let the skin spring back through the probe.
         gap, compliance = problem.model.config.gap, self._inverse.compliance
-        starts = [np.linalg.solve(compliance, free)]
+        starts = [np.asarray(np.linalg.solve(compliance, free), dtype=np.float64)]
         if np.abs(free - compliance @ self._force).max(initial=0.0) < 0.25 * gap:
             starts.insert(0, self._force)
         for start in starts:
@@ -290,6 +312,9 @@ class QuasiStaticSolver:
             at.state, nodal_gradient=at.internal + at.external, held=self.held, project=True,
         )
         self.effort.add("assembly", start)
+        return self._factorize_matrix(matrix)
+
+    def _factorize_matrix(self, matrix: sp.csr_matrix) -> UpdatedInverse:
         start = time.perf_counter()
         kept = np.empty(0, dtype=np.int64) if self._unknowns is None else self._unknowns.kept
         compliance = self.linear.factorize_with_compliance(matrix, kept)

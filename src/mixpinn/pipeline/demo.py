@@ -18,7 +18,7 @@ DEMO = RunConfig(
     simulation=SimulationConfig(protocol=replace(SMALL, max_positions=20, steps=10)),
     models=ModelsConfig(
         names=("mixpinn", "simple-gat"), width="desk", scaling=Scaling.STANDARD,
-        train=TrainConfig(learning_rate=2e-3, max_epochs=60, time_budget=75.0),
+        train=TrainConfig(learning_rate=2e-3, max_epochs=25),
     ),
 )
 """Twenty positions, one rotation, ten steps of 1 mm, two small networks."""

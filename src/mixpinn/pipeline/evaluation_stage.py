@@ -1,5 +1,6 @@
 """The evaluation stage: a store and trained models in, metrics, pictures and the report out."""
 
+import contextlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,7 +9,6 @@ import numpy as np
 
 from mixpinn.base.cache import cache_folder
 from mixpinn.base.errors import InputError
-from mixpinn.base.files import hash_arrays
 from mixpinn.base.files import hash_arrays
 from mixpinn.base.progress import console
 from mixpinn.base.rundir import finish_run, is_finished, start_run, versions
@@ -34,6 +34,10 @@ from mixpinn.records import Evaluation, Probe, SampleTable, TissueMesh
 from mixpinn.serving import Predictor
 
 REPORT, WEIGHTS = "report.html", "weights.safetensors"
+
+TITLES = {"mixpinn": "MIXPINN", "simple-gat": "Simple GAT", "physgnn": "PhysGNN"}
+"""How the models of the paper are called in tables and pictures."""
+
 
 @dataclass(frozen=True)
 class EvaluationConfig:
@@ -84,7 +88,8 @@ def build_prior(mesh: TissueMesh, tissues: Mapping[str, TissueConfig], default: 
     key = hash_arrays(nodes, np.frombuffer(repr((mesh.hash(), used)).encode(), dtype=np.uint8))
     folder = cache_folder("prior", key)
     if (folder / "prior.json").exists():
-        return ElasticPrior.load(folder, mesh)
+        with contextlib.suppress(InputError):  # what is damaged in the cache is made anew
+            return ElasticPrior.load(folder, mesh)
     prior = ElasticPrior.build(mesh, [tissue.material() for tissue in used], nodes=nodes)
     prior.save(folder)
     return prior
@@ -173,6 +178,7 @@ def _identity(table: SampleTable) -> str:
 
 def _load(folder: Path | str, mesh: TissueMesh, threads: int | None) -> Predictor:
     predictor = Predictor.load(folder, threads=threads)
+    predictor.name = TITLES.get(predictor.name, predictor.name)
     if predictor.graph.mesh_hash != mesh.hash():
         raise InputError(
             str(folder), expected=f"a model of mesh {mesh.hash()}", got=f"one of mesh {predictor.graph.mesh_hash}",

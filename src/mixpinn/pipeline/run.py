@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TypeVar
 
@@ -53,7 +53,9 @@ def run_pipeline(config: RunConfig, *, out: Path | str, threads: int | None = No
         InputError: bad input at any stage; stages before it are kept.
     """
     out = Path(out)
-    start_run(out, "run", asdict(config))
+    settings = asdict(config)
+    del settings["simulation"]["workers"]  # decides when, not what
+    start_run(out, "run", settings)
     clock = _Clock(out / TIMES)
     anatomy = clock.measure("Anatomy", lambda: make_anatomy(config.anatomy, out=out / "anatomy"))
     meshed = clock.measure("Mesh", lambda: make_mesh(anatomy.label_map, config.mesh, out=out / "mesh"))
@@ -61,12 +63,15 @@ def run_pipeline(config: RunConfig, *, out: Path | str, threads: int | None = No
         "Simulation", lambda: make_simulations(meshed.mesh, config.simulation, out=out / "simulation"),
     )
     table, split = load_samples(store, config.split)
+    models = config.models
+    if threads is not None:
+        models = replace(models, train=replace(models.train, threads=threads))
     split.save(out / "split.json")
     for name in config.models.names:
         clock.measure(
             f"Training {name}",
             lambda name=name: train_model(  # type: ignore[misc]
-                name, config.models, table, split, store, out=out / "models" / name,
+                name, models, table, split, store, out=out / "models" / name,
             ),
         )
     background = Background(

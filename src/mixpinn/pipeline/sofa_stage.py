@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from mixpinn.base.errors import InputError
-from mixpinn.base.rundir import finish_run, start_run
+from mixpinn.base.rundir import finish_run, is_finished, start_run
 from mixpinn.dataset import (
     SOFA_REPLAY,
     Pose,
@@ -59,16 +59,22 @@ def import_sofa_recordings(
         out: run directory.
 
     Raises:
-        InputError: a recording that does not fit the mesh, or `out` holds another run.
+        InputError: a recording that does not fit the mesh or the positions, or `out` holds another run.
     """
     out, listed = Path(out), read_positions(positions)
-    begun = start_run(
+    start_run(
         out, "import sofa", {"source": str(folder)}, inputs={"positions": positions, "recordings": folder},
         input_hashes={"mesh": mesh.hash()},
     )
-    if begun and (out / STORE / "store.json").exists():
+    if is_finished(out):
         return SimulationStore.open(out / STORE, mesh=mesh)
     simulations = {(s.position_index, s.rotation_deg): s for s in import_sofa(folder, mesh)}
+    highest = max(index for index, _ in simulations)
+    if highest >= len(listed):
+        raise InputError(
+            str(positions), expected=f"the {highest + 1} or more positions of the recordings", got=f"{len(listed)}",
+            fix="give the list that the recordings were made with",
+        )
     poses = {
         key: Pose(key[0], tuple(float(x) for x in listed[key[0]]), key[1])  # type: ignore[arg-type]
         for key in sorted(simulations)

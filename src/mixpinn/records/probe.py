@@ -45,7 +45,9 @@ class Probe:
         if not path.is_file():
             raise InputError(str(path), expected="a probe surface (.stl)", got="no such file", fix="check the path")
         try:
-            surface = pv.read(path).extract_surface(algorithm="dataset_surface").triangulate().clean()
+            with pv.vtk_verbosity("off"):
+                read = pv.read(path)
+            surface = read.extract_surface(algorithm="dataset_surface").triangulate().clean()
             triangles = surface.regular_faces.astype(np.int64)
         except Exception as error:
             raise InputError(

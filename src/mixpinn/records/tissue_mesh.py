@@ -101,8 +101,8 @@ class TissueMesh:
         grid.cell_data["tissue"] = self.tissue.astype(np.int16)
         if displacement is not None:
             grid.point_data["displacement"] = np.asarray(displacement)
-        grid.field_data["rigid_names"] = list(self.rigid_names) or [""]
-        grid.field_data["tissue_names"] = list(self.tissue_names)
+        grid.field_data["rigid_names"] = [_ascii(name) for name in self.rigid_names] or [""]
+        grid.field_data["tissue_names"] = [_ascii(name) for name in self.tissue_names]
         grid.field_data["world_to_scanner"] = self.world_to_scanner.ravel()
         return grid
 
@@ -120,17 +120,33 @@ class TissueMesh:
         path = Path(path)
         if not path.is_file():
             raise InputError(str(path), expected="a mesh (.vtu)", got="no such file", fix="check the path")
-        grid = pv.read(path)
+        try:
+            with pv.vtk_verbosity("off"):
+                grid = pv.read(path)
+        except Exception as error:  # readers raise many kinds: unknown suffix, XML, encoding
+            raise InputError(
+                str(path), expected="a readable mesh (.vtu)", got=f"{type(error).__name__}: {error}",
+                fix="make or export the mesh again",
+            ) from error
         if not {"part", "fixed"} <= set(grid.point_data) or "tissue" not in grid.cell_data:
             raise InputError(
                 str(path), expected="point data 'part' and 'fixed' and cell data 'tissue'",
                 got=f"point data {sorted(grid.point_data)}", fix="import it with 'mixpinn mesh FILE.vtu'",
             )
-        names = tuple(str(name) for name in grid.field_data["rigid_names"])
+        names = tuple(_text(name) for name in grid.field_data["rigid_names"])
         return TissueMesh(
             np.asarray(grid.points, dtype=np.float64), np.asarray(grid.cells_dict[pv.CellType.TETRA], dtype=np.int32),
             np.asarray(grid.point_data["part"]), np.asarray(grid.point_data["fixed"]).astype(bool),
             tuple(name for name in names if name), np.asarray(grid.cell_data["tissue"]),
-            tuple(str(name) for name in grid.field_data["tissue_names"]),
+            tuple(_text(name) for name in grid.field_data["tissue_names"]),
             np.asarray(grid.field_data["world_to_scanner"], dtype=np.float64).reshape(4, 4),
         )
+
+
+def _ascii(name: str) -> str:
+    """The name as VTK's text arrays take it: other letters as Python escapes them."""
+    return name.encode("unicode_escape").decode("ascii")
+
+
+def _text(name: object) -> str:
+    return str(name).encode("latin-1", "backslashreplace").decode("unicode_escape")

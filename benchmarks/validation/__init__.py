@@ -1,0 +1,1 @@
+"""Validation of the finite elements against theory, an independent code, and recorded fields of SOFA."""

@@ -1,0 +1,81 @@
+import json
+from dataclasses import dataclass, field
+from typing import Literal
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mixpinn.base.config import build_config, merge, parse_overrides, read_config_file
+from mixpinn.base.errors import InputError
+
+
+@dataclass(frozen=True)
+class Inner:
+    size: float = 1.0
+    kind: Literal["a", "b"] = "a"
+
+
+@dataclass(frozen=True)
+class Outer:
+    inner: Inner = field(default_factory=Inner)
+    named: dict[str, Inner] = field(default_factory=dict)
+    names: tuple[str, ...] = ("x",)
+    limit: int | None = None
+
+
+def test_later_layers_win_and_nested_ones_are_merged():
+    built = build_config(
+        Outer, {"inner": {"size": 2, "kind": "b"}}, {"inner": {"size": 3.5}, "names": ["y", "z"]}, {"limit": None},
+    )
+    assert built == Outer(Inner(3.5, "b"), {}, ("y", "z"), None)
+
+
+@pytest.mark.parametrize(("values", "says"), [
+    ({"iner": {}}, "iner: expected one of inner, named, names, limit"),
+    ({"inner": {"sise": 1}}, "inner.sise: expected one of size, kind"),
+    ({"inner": {"kind": "c"}}, "inner.kind: expected 'a' or 'b', got 'c'"),
+    ({"inner": 3}, "inner"), ({"limit": "many"}, "limit"), ({"named": {"n": {"sise": 1}}}, "named.n.sise"),
+])
+def test_bad_settings_are_named(values, says):
+    with pytest.raises(InputError) as caught:
+        build_config(Outer, values)
+    assert says in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_overrides_are_json_or_text():
+    assert parse_overrides(["a.b=2", "a.c=[1, 2]", "d=text", "e=x=y"]) == {
+        "a": {"b": 2, "c": [1, 2]}, "d": "text", "e": "x=y",
+    }
+    with pytest.raises(InputError, match="KEY=VALUE"):
+        parse_overrides(["a.b"])
+
+
+TREES = st.recursive(
+    st.integers(), lambda inner: st.dictionaries(st.sampled_from("abc"), inner, max_size=3), max_leaves=8,
+)
+MAPPINGS = st.dictionaries(st.sampled_from("abc"), TREES, max_size=3)
+
+
+@given(MAPPINGS, MAPPINGS, MAPPINGS)
+def test_merging_has_a_neutral_element_and_repeats_nothing(first, second, third):
+    assert merge(first, {}) == merge({}, first) == merge(first, first) == first
+    assert merge(merge(first, second), second) == merge(first, second)
+    assert set(merge(merge(first, second), third)) == set(first) | set(second) | set(third)
+
+
+def test_files_of_both_kinds(tmp_path):
+    (tmp_path / "a.toml").write_text("title = 'Rücken'\n[inner]\nsize = 2.0", encoding="utf-8")
+    (tmp_path / "a.json").write_text(json.dumps({"title": "Rücken", "inner": {"size": 2.0}}))
+    assert read_config_file(tmp_path / "a.toml") == read_config_file(tmp_path / "a.json")
+
+
+@pytest.mark.parametrize(("name", "content", "says"), [
+    ("a.toml", b"[inner", "TOML"), ("a.json", b"{", "JSON"), ("a.json", b"[1]", "settings by name"),
+    ("a.toml", b"\xff\xfe", "TOML"),
+])
+def test_bad_files(tmp_path, name, content, says):
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(InputError, match=says):
+        read_config_file(tmp_path / name)

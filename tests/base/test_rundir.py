@@ -1,0 +1,53 @@
+import pytest
+
+from mixpinn.base.errors import InputError
+from mixpinn.base.files import read_json
+from mixpinn.base.rundir import finish_run, is_finished, start_run, withdraw_unused_runs
+
+
+def test_same_run_goes_on_and_another_is_refused(tmp_path):
+    (tmp_path / "in.txt").write_text("one")
+    run = {"inputs": {"text": tmp_path / "in.txt"}, "seed": 3}
+    assert not start_run(tmp_path / "out", "stage", {"size": (1, 2)}, **run)
+    assert start_run(tmp_path / "out", "stage", {"size": (1, 2)}, **run)
+    for stage, config, seed, changed in (
+        ("other", {"size": (1, 2)}, 3, "stage"), ("stage", {"size": (1, 3)}, 3, "config"),
+        ("stage", {"size": (1, 2)}, 4, "seed"),
+    ):
+        with pytest.raises(InputError, match=f"another {changed}"):
+            start_run(tmp_path / "out", stage, config, inputs=run["inputs"], seed=seed)
+    (tmp_path / "in.txt").write_text("two")
+    with pytest.raises(InputError, match="another inputs"):
+        start_run(tmp_path / "out", "stage", {"size": (1, 2)}, **run)
+
+
+def test_record_tells_results(tmp_path):
+    start_run(tmp_path, "stage", {})
+    assert not is_finished(tmp_path)
+    finish_run(tmp_path, {"error": 0.5})
+    assert is_finished(tmp_path)
+    assert read_json(tmp_path / "run.json")["results"] == {"error": 0.5}
+
+
+def test_run_without_results_can_be_withdrawn(tmp_path):
+    (tmp_path / "there").mkdir()
+    for name in ("empty", "there", "used"):
+        start_run(tmp_path / name, "stage", {})
+    start_run(tmp_path / "outer", "run", {})
+    start_run(tmp_path / "outer" / "inner", "stage", {})
+    (tmp_path / "used" / "result").touch()
+    withdraw_unused_runs()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["there", "used"]
+    assert not list((tmp_path / "there").iterdir())
+    assert (tmp_path / "used" / "run.json").exists()
+    start_run(tmp_path / "there", "stage", {"other": 1})
+
+
+def test_run_begun_earlier_stays(tmp_path):
+    start_run(tmp_path / "earlier", "stage", {})
+    from mixpinn.base import rundir
+
+    rundir._begun.clear()  # as in a new process
+    start_run(tmp_path / "earlier", "stage", {})
+    withdraw_unused_runs()
+    assert (tmp_path / "earlier" / "run.json").exists()

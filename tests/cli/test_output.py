@@ -1,0 +1,46 @@
+"""What a user sees of a failing command: nothing but the line itself, in a process of its own."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+from mixpinn.records import TissueMesh
+
+
+def run(*words):
+    environment = {key: value for key, value in os.environ.items() if key != "DISPLAY"}
+    return subprocess.run(
+        [sys.executable, "-m", "mixpinn.cli", *map(str, words)], env=environment, capture_output=True, text=True,
+        check=False,
+    )
+
+
+@pytest.mark.parametrize("kind", ["damaged mesh", "unreadable probe"])
+def test_libraries_keep_silent(chain, tmp_path, kind):
+    mesh, probe = chain.mesh, tmp_path / "probe.stl"
+    probe.write_text("solid nothing")
+    if kind == "damaged mesh":
+        mesh = tmp_path / "cut.vtu"
+        mesh.write_bytes((chain.mesh / "mesh.vtu").read_bytes()[:2000])
+    ended = run("simulate", mesh, "--probe", probe, "--out", tmp_path / "out")
+    assert ended.returncode == 2
+    assert len(ended.stderr.splitlines()) == 1
+    assert ended.stderr.startswith(f"mixpinn: {mesh if kind == 'damaged mesh' else probe}: expected")
+    assert not ended.stdout
+
+
+def test_mesh_is_drawn_in_silence_without_a_display(chain, tmp_path):
+    TissueMesh.load(chain.mesh / "mesh.vtu").save(tmp_path / "given.vtu")
+    ended = run("mesh", tmp_path / "given.vtu", "--out", tmp_path / "out")
+    assert ended.returncode == 0
+    assert (tmp_path / "out" / "mesh.png").is_file() or "no picture" in ended.stderr
+    assert "vtk" not in ended.stderr.lower()
+    assert "warn" not in ended.stderr.lower()
+
+
+def test_usage():
+    ended = run("anatomy")
+    assert ended.returncode == 2
+    assert "Traceback" not in ended.stderr
