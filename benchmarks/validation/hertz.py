@@ -15,8 +15,8 @@ from mixpinn.records import Probe, ProbePath
 YOUNG, POISSON = 25.4e-3, 0.3
 GAP = 0.25
 RADIUS = 40.0
-DEPTHS = np.array([0.3, 0.6, 0.9])
-EXTENT = 25.0
+DEPTHS = np.array([0.45, 0.9])
+EXTENT = 80.0
 """Half width and height of the block in contact radii at the largest depth."""
 
 
@@ -40,12 +40,13 @@ def exact_force() -> FloatArray:
     return 4.0 / 3.0 * YOUNG / (1.0 - POISSON**2) * np.sqrt(RADIUS + GAP) * DEPTHS**1.5
 
 
-def graded(fine: float, inner: float, outer: float, growth: float = 1.45) -> FloatArray:
-    """Coordinates from 0: steps of `fine` up to `inner`, then steps that grow up to `outer` [mm]."""
+def graded(fine: float, inner: float, outer: float) -> FloatArray:
+    """Coordinates from 0: steps of `fine` up to `inner`, then steps that grow ever faster up to `outer` [mm]."""
     places = list(np.linspace(0.0, inner, round(inner / fine) + 1))
-    step = fine
+    step, growth = fine, 1.2
     while places[-1] < outer:
         step *= growth
+        growth = min(growth + 0.05, 1.8)
         places.append(places[-1] + step)
     places[-1] = max(outer, places[-2] + fine)
     return np.array(places)

@@ -88,8 +88,8 @@ ANATOMY = Protocol(approach=0.0, steps=20, start="touch")
 SMALL = Protocol(rotations=(0.0,), approach=0.0, steps=10, start="touch", max_positions=24)
 """One rotation at 24 positions, ten steps of 1 mm."""
 
-TINY = Protocol(rotations=(0.0, 90.0), approach=0.0, step=2.0, steps=3, start="touch", spacing=20.0, max_positions=4)
-"""Four positions, two rotations, three steps of 2 mm: for trying things out."""
+TINY = Protocol(rotations=(0.0, 90.0), approach=0.0, step=1.5, steps=3, start="touch", spacing=20.0, max_positions=4)
+"""Four positions, two rotations, three steps of 1.5 mm: for trying things out."""
 
 PROTOCOLS = {"paper": PAPER, "sofa-replay": SOFA_REPLAY, "anatomy": ANATOMY, "small": SMALL, "tiny": TINY}
 

@@ -207,13 +207,15 @@ class PardisoSolver:
 
     def _call(self, kind: int, phase: int, rhs: FloatArray) -> FloatArray:
         handle = self._handle(kind)
-        if self.threads is not None:
-            handle.libmkl.MKL_Set_Num_Threads_Local(int(self.threads))
+        # A single triangular solve is over before a second thread has begun.
+        threads = 1 if phase == 33 and rhs.ndim == 1 else self.threads
+        if threads is not None:
+            handle.libmkl.MKL_Set_Num_Threads_Local(int(threads))
         handle.set_phase(phase)
         try:
             solution: FloatArray = handle._call_pardiso(self._matrix, rhs)
         finally:
-            if self.threads is not None:
+            if threads is not None:
                 handle.libmkl.MKL_Set_Num_Threads_Local(0)
         return solution
 

@@ -307,12 +307,17 @@ class QuasiStaticSolver:
 
     def _factorize(self, at: Balance) -> UpdatedInverse:
         """Assemble and factorize the tangent of the elastic body at a configuration."""
+        nodal = at.internal + at.external
         start = time.perf_counter()
-        matrix = self.system.tangent(
-            at.state, nodal_gradient=at.internal + at.external, held=self.held, project=True,
-        )
+        matrix = self.system.tangent(at.state, nodal_gradient=nodal, held=self.held, project=False)
         self.effort.add("assembly", start)
-        return self._factorize_matrix(matrix)
+        inverse = self._factorize_matrix(matrix)
+        if self.linear.indefinite:
+            start = time.perf_counter()
+            matrix = self.system.tangent(at.state, nodal_gradient=nodal, held=self.held, project=True)
+            self.effort.add("assembly", start)
+            inverse = self._factorize_matrix(matrix)
+        return inverse
 
     def _factorize_matrix(self, matrix: sp.csr_matrix) -> UpdatedInverse:
         start = time.perf_counter()

@@ -1,5 +1,6 @@
 """Probe: the rigid tool's surface; ProbePath: how it moves."""
 
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -45,7 +46,8 @@ class Probe:
         if not path.is_file():
             raise InputError(str(path), expected="a probe surface (.stl)", got="no such file", fix="check the path")
         try:
-            with pv.vtk_verbosity("off"):
+            with pv.vtk_verbosity("off"), warnings.catch_warnings():
+                warnings.simplefilter("ignore")
                 read = pv.read(path)
             surface = read.extract_surface(algorithm="dataset_surface").triangulate().clean()
             triangles = surface.regular_faces.astype(np.int64)

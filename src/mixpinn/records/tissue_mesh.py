@@ -1,5 +1,6 @@
 """TissueMesh: the tetrahedral mesh with every node and cell labelled."""
 
+import warnings
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -121,7 +122,8 @@ class TissueMesh:
         if not path.is_file():
             raise InputError(str(path), expected="a mesh (.vtu)", got="no such file", fix="check the path")
         try:
-            with pv.vtk_verbosity("off"):
+            with pv.vtk_verbosity("off"), warnings.catch_warnings():
+                warnings.simplefilter("ignore")
                 grid = pv.read(path)
         except Exception as error:  # readers raise many kinds: unknown suffix, XML, encoding
             raise InputError(
