@@ -208,14 +208,14 @@ class PardisoSolver:
     def _call(self, kind: int, phase: int, rhs: FloatArray) -> FloatArray:
         handle = self._handle(kind)
         # A single triangular solve is over before a second thread has begun.
-        threads = 1 if phase == 33 and rhs.ndim == 1 else self.threads
-        if threads is not None:
-            handle.libmkl.MKL_Set_Num_Threads_Local(int(threads))
+        handle.iparm[24] = 1 if phase == 33 and rhs.ndim == 1 else 0
+        if self.threads is not None:
+            handle.libmkl.MKL_Set_Num_Threads_Local(int(self.threads))
         handle.set_phase(phase)
         try:
             solution: FloatArray = handle._call_pardiso(self._matrix, rhs)
         finally:
-            if threads is not None:
+            if self.threads is not None:
                 handle.libmkl.MKL_Set_Num_Threads_Local(0)
         return solution
 
