@@ -93,8 +93,9 @@ def main(threads: int, poses: int) -> None:
         failed += int((~simulation.converged).sum())
         penetration = max(penetration, float(simulation.penetration[steps].max()))
         residual = max(residual, float(simulation.residual[steps].max()))
+        force = np.linalg.norm(simulation.probe_wrench[-1, :3])
         print(f"pose {index:4d} at {ROTATIONS[k % 4]:5.1f}°: {len(steps)} steps with load, "
-              f"{simulation.seconds[steps].mean():.3f} s each, force {np.linalg.norm(simulation.probe_wrench[-1, :3]):.1f} N")
+              f"{simulation.seconds[steps].mean():.3f} s each, force {force:.1f} N")
     cpu = time.process_time() - cpu
     shares = {name: (value - before[2][name]) / seconds for name, value in effort.seconds.items()}
     shares["other"] = 1.0 - sum(shares.values())

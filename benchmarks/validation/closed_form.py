@@ -89,7 +89,8 @@ def run(folder: Path) -> Section:
     shears = np.array([0.1, 0.25, 0.5, 0.75, 1.0])
     stresses = np.array([shear_stress(shear) for shear in shears])
     # J = 1 in simple shear, hence W = μ/2 γ² and the stress μ γ.
-    results.append(Result.at_most("simple shear, relative error", np.abs(stresses / (SOFT.mu * shears) - 1).max(), 1e-3))
+    error = np.abs(stresses / (SOFT.mu * shears) - 1.0).max()
+    results.append(Result.at_most("simple shear, relative error", error, 1e-3))
 
     def draw(axes):  # type: ignore[no-untyped-def]
         line = np.linspace(0.5, 2.0, 60)

@@ -61,7 +61,9 @@ def run(folder: Path) -> Section:
     turns = Rotation.random(200, random_state=1).as_matrix()
     directions = rng.normal(size=(200, 3, 3))
     steps = np.logspace(-2, -9, 15)
-    curves = {name: [difference_error(law, deformation, directions, h) for h in steps] for name, law in MATERIALS.items()}
+    curves = {
+        name: [difference_error(law, deformation, directions, h) for h in steps] for name, law in MATERIALS.items()
+    }
     results = [
         Result.at_most(f"stress and tangent by finite differences, {name}", min(curve), 1e-6)
         for name, curve in curves.items()
@@ -85,7 +87,8 @@ def run(folder: Path) -> Section:
         "Materials",
         "Stress P = ∂Ψ/∂F and tangent ∂P/∂F along random directions against central differences of energy and stress, "
         "at 200 random deformation gradients, some of them inverted. The error falls with the square of the step until "
-        "rounding takes over; its smallest value counts. Objectivity: Ψ(RF) = Ψ(F), P(RF) = R P(F). Rigid motion: a block with two rigid parts "
+        "rounding takes over; its smallest value counts. Objectivity: Ψ(RF) = Ψ(F), P(RF) = R P(F). "
+        "Rigid motion: a block with two rigid parts "
         "is turned by up to π and shifted; nodal forces are relative to λ on a face of the block. (Linear elasticity "
         "is not objective by nature.)",
         tuple(results), picture(folder, "material", draw),

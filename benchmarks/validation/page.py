@@ -23,8 +23,8 @@ def section_text(section: Section, pictures: str) -> str:
     """A section in Markdown."""
     lines = [f"## {section.title}", "", section.text, "", "| check | value | bar | met |", "| --- | --- | --- | --- |"]
     lines += [
-        f"| {result.check} | {figure(result.value)} | {result.bar} | {'yes' if result.met else 'no'} |".replace("|T|", "T")
-        for result in section.results
+        f"| {result.check.replace('|', chr(92) + '|')} | {figure(result.value)} | {result.bar} | "
+        f"{'yes' if result.met else 'no'} |" for result in section.results
     ]
     if section.table:
         lines += ["", "| " + " | ".join(section.table[0]) + " |", "|" + " --- |" * len(section.table[0])]

@@ -21,8 +21,8 @@ from mixpinn.records import Simulation
 
 def simulate(simulator: PoseSimulator, field: StaticField, cache: Path) -> Simulation:
     """The pose's simulation, kept in `cache` under the scene's identity."""
-    kept = cache / f"{field.name}-{simulator.scene.hash()[:16]}.npz"
-    if not kept.is_file():
+    kept = cache / f"{field.name}-{simulator.scene.hash()[:16]}"
+    if not kept.is_dir():
         cache.mkdir(parents=True, exist_ok=True)
         simulator.run(field.path).save(kept)
     return Simulation.load(kept)

@@ -110,7 +110,8 @@ def sofa_scene(folder: Path, mesh: TissueMesh, **contact: Any) -> Scene:
     paper = paper_folder(folder)
     patch = Probe.load(paper / "body_collision.stl")
     known = {entry.name for entry in fields(ContactConfig)}
-    options = {"gap": 2.0, "alarm": 4.0, "friction": 1.0, "spacing": 0.5, "stiffness": 200.0, "dragging": False} | contact
+    options = {"gap": 2.0, "alarm": 4.0, "friction": 1.0, "spacing": 0.5, "dragging": False}
+    options |= contact
     return Scene(
         mesh, Probe.load(paper / "probe_collision.stl"), (PAPER_TISSUE,),
         ContactConfig(**{name: value for name, value in options.items() if name in known}),

@@ -74,7 +74,8 @@ def run(folder: Path, *, cache: Path, full: bool = False) -> Section:
     # Frames before depth 1 count where they carry load, as one group.
     depth = np.arange(table.shape[1]) + 1 - APPROACH
     groups = [("before 1", depth < 1)] + [(str(d), depth == d) for d in range(1, int(depth.max()) + 1)]
-    rows = [("depth [mm]", "frames", "mean displacement [mm]", "mean difference [mm]", "worst frame's mean [mm]", "largest [mm]")]
+    rows = [("depth [mm]", "frames", "mean displacement [mm]", "mean difference [mm]", "worst frame's mean [mm]",
+             "largest [mm]")]
     for label, chosen in groups:
         part = table[:, chosen][used[:, chosen]]
         if len(part):

@@ -27,7 +27,8 @@ def pressed(friction: float, seed: int, drag: float = 0.0) -> tuple[ContactProbl
     vertices = contact.skin.vertices(MESH.points) + rng.normal(scale=0.3, size=(len(contact.skin.nodes), 3))
     pose = ProbePose(np.eye(3), np.array([9.0, 11.0, 11.5]))
     frame = contact.begin_step(vertices, pose, None)
-    moved = ProbePose(Rotation.from_rotvec([0.0, 0.0, 0.01]).as_matrix(), pose.translation + [drag, -0.05, 0.3 * drag])
+    turned = Rotation.from_rotvec([0.0, 0.0, 0.01]).as_matrix()
+    moved = ProbePose(turned, pose.translation + np.array([drag, -0.05, 0.3 * drag]))
     everything = SkinPatch.of_vertices(contact.skin, np.arange(len(contact.skin.nodes)))
     return ContactProblem(contact, everything, moved, frame), vertices
 
@@ -131,7 +132,7 @@ def test_clearance_counts_samples_inside() -> None:
     assert inside == 0
     assert distance == pytest.approx(3.0, abs=0.05)
     inside, _ = contact.clearance(vertices, ProbePose(np.eye(3), np.array([10.0, 8.0, 10.0])))
-    samples = contact.probe.samples + [10.0, 8.0, 10.0]
+    samples = contact.probe.samples + np.array([10.0, 8.0, 10.0])
     assert inside == int(((samples > 0.0) & (samples < [20.0, 10.0, 20.0])).all(axis=1).sum())
 
 

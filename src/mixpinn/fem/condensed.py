@@ -63,14 +63,14 @@ def solve_condensed(
         max_iterations: of Newton's method.
     """
     force = start.copy()
-    y = free - compliance @ force
+    y = free - _times(compliance, force)
     found = law(y, True)
     least = np.inf
     for iteration in range(max_iterations):
         error = found[0] - force
         if np.linalg.norm(error) <= tolerance * max(float(np.linalg.norm(found[0])), floor):
             return CondensedSolution(found[0], y, True, iteration)
-        size = float(error @ compliance @ error)
+        size = float((error * _times(compliance, error)).sum())
         move, change, slope = _direction(compliance, error, found[1], found[2])
         length = min(1.0, largest_move / max(float(np.abs(move).max()), 1e-300))
         # Newton's direction always shrinks the error at first; where steps by slope have begun to run in a circle
@@ -95,6 +95,12 @@ def solve_condensed(
     return CondensedSolution(force, y, False, max_iterations)
 
 
+def _times(matrix: FloatArray, vector: FloatArray) -> FloatArray:
+    """Product without BLAS, whose threads cost more than they save on so little."""
+    product: FloatArray = np.einsum("ij,j->i", matrix, vector)
+    return product
+
+
 def _shrink(
     law: ContactLaw, compliance: FloatArray, at: tuple[FloatArray, FloatArray],
     direction: tuple[FloatArray, FloatArray], length: float, size: float, *, patient: bool,
@@ -103,7 +109,7 @@ def _shrink(
     for _ in range(12 if patient else 1):
         found = law(at[0] + length * direction[0], True)
         rest = found[0] - at[1] - length * direction[1]
-        if rest @ compliance @ rest <= (1.0 - 0.2 * length if patient else 0.25) * size:
+        if (rest * _times(compliance, rest)).sum() <= (1.0 - 0.2 * length if patient else 0.25) * size:
             return length, found
         length *= 0.5
     return None
@@ -113,7 +119,7 @@ def _direction(
     compliance: FloatArray, error: FloatArray, stiffness: FloatArray, touched: IntArray,
 ) -> tuple[FloatArray, FloatArray, float]:
     """Newton's dy and dλ, and the slope dyᵀ (g − λ)."""
-    residual = compliance @ error
+    residual = _times(compliance, error)
     move = -residual
     change = error.copy()
     if len(touched):
@@ -123,7 +129,7 @@ def _direction(
         except (LinAlgError, ValueError):
             return move, change, np.nan
         push = stiffness @ inner
-        move = move - compliance[:, touched] @ push
+        move = move - _times(compliance[:, touched], push)
         change[touched] += push
     return move, change, float(move @ error)
 

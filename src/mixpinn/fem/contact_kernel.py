@@ -122,17 +122,21 @@ def points_inside(points, vertices, triangles):  # type: ignore[no-untyped-def]
     """
     inside = np.zeros(len(points), np.bool_)
     for i in range(len(points)):
+        x, y, z = points[i, 0], points[i, 1], points[i, 2]
         total = 0.0
         for t in range(len(triangles)):
-            a = vertices[triangles[t, 0]] - points[i]
-            b = vertices[triangles[t, 1]] - points[i]
-            c = vertices[triangles[t, 2]] - points[i]
-            la, lb, lc = np.sqrt((a * a).sum()), np.sqrt((b * b).sum()), np.sqrt((c * c).sum())
-            numerator = (
-                a[0] * (b[1] * c[2] - b[2] * c[1]) + a[1] * (b[2] * c[0] - b[0] * c[2])
-                + a[2] * (b[0] * c[1] - b[1] * c[0])
+            i0, i1, i2 = triangles[t, 0], triangles[t, 1], triangles[t, 2]
+            a0, a1, a2 = vertices[i0, 0] - x, vertices[i0, 1] - y, vertices[i0, 2] - z
+            b0, b1, b2 = vertices[i1, 0] - x, vertices[i1, 1] - y, vertices[i1, 2] - z
+            c0, c1, c2 = vertices[i2, 0] - x, vertices[i2, 1] - y, vertices[i2, 2] - z
+            la = np.sqrt(a0 * a0 + a1 * a1 + a2 * a2)
+            lb = np.sqrt(b0 * b0 + b1 * b1 + b2 * b2)
+            lc = np.sqrt(c0 * c0 + c1 * c1 + c2 * c2)
+            numerator = a0 * (b1 * c2 - b2 * c1) + a1 * (b2 * c0 - b0 * c2) + a2 * (b0 * c1 - b1 * c0)
+            denominator = (
+                la * lb * lc + (a0 * b0 + a1 * b1 + a2 * b2) * lc + (b0 * c0 + b1 * c1 + b2 * c2) * la
+                + (c0 * a0 + c1 * a1 + c2 * a2) * lb
             )
-            denominator = la * lb * lc + (a * b).sum() * lc + (b * c).sum() * la + (c * a).sum() * lb
             total += 2.0 * np.arctan2(numerator, denominator)
         inside[i] = total > 2.0 * np.pi
     return inside

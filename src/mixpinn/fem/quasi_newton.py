@@ -2,9 +2,35 @@
 
 from collections.abc import Callable
 
+import numba
 import numpy as np
 
 from mixpinn.base.arrays import FloatArray, IntArray
+
+# Compiled loops rather than BLAS: on vectors this short a second thread is waited for longer than it helps, and very
+# long where the cores are shared with other processes.
+
+
+@numba.njit(cache=True)
+def _backwards(steps, changes, rhos, count, vector, weights):  # type: ignore[no-untyped-def]
+    for i in range(count - 1, -1, -1):
+        total = 0.0
+        for k in range(len(vector)):
+            total += steps[i, k] * vector[k]
+        weights[i] = rhos[i] * total
+        for k in range(len(vector)):
+            vector[k] -= weights[i] * changes[i, k]
+
+
+@numba.njit(cache=True)
+def _forwards(steps, changes, rhos, count, vector, weights):  # type: ignore[no-untyped-def]
+    for i in range(count):
+        total = 0.0
+        for k in range(len(vector)):
+            total += changes[i, k] * vector[k]
+        total = weights[i] - rhos[i] * total
+        for k in range(len(vector)):
+            vector[k] += total * steps[i, k]
 
 
 class UpdatedInverse:
@@ -23,22 +49,22 @@ class UpdatedInverse:
     def __init__(self, solve: Callable[[FloatArray], FloatArray], compliance: FloatArray, kept: IntArray) -> None:
         self._solve = solve
         self.compliance, self.kept = compliance, kept
-        self._pairs: list[tuple[FloatArray, FloatArray, float]] = []
+        self._count = 0
+        self._steps: FloatArray = np.empty((0, 0))
+        self._changes: FloatArray = np.empty((0, 0))
+        self._rhos: FloatArray = np.empty(0)
 
     def __len__(self) -> int:
-        return len(self._pairs)
+        return self._count
 
     def apply(self, vector: FloatArray) -> FloatArray:
         """H times a vector, shape (n,)."""
-        vector = vector.copy()
-        weights = []
-        for step, change, rho in reversed(self._pairs):
-            weight = rho * float(step @ vector)
-            vector -= weight * change
-            weights.append(weight)
+        if not self._count:
+            return self._solve(vector)
+        vector, weights = vector.copy(), np.empty(self._count)
+        _backwards(self._steps, self._changes, self._rhos, self._count, vector, weights)
         vector = self._solve(vector)
-        for (step, change, rho), weight in zip(self._pairs, reversed(weights), strict=True):
-            vector += step * (weight - rho * float(change @ vector))
+        _forwards(self._steps, self._changes, self._rhos, self._count, vector, weights)
         return vector
 
     def update(self, step: FloatArray, change: FloatArray, model_change: FloatArray) -> None:
@@ -46,14 +72,20 @@ class UpdatedInverse:
 
         A pair that shows less than a hundredth of the curvature expected is left out, so that H stays positive.
         """
-        curvature = float(step @ change)
-        if not curvature > 0.01 * abs(float(step @ model_change)):
+        curvature = float((step * change).sum())
+        if not curvature > 0.01 * abs(float((step * model_change).sum())):
             return
         rho = 1.0 / curvature
         inverse_change = self.apply(change)
         if len(self.kept):
             s, u = step[self.kept], inverse_change[self.kept]
             cross = np.outer(s, u)
-            scale = rho * (1.0 + rho * float(change @ inverse_change))
+            scale = rho * (1.0 + rho * float((change * inverse_change).sum()))
             self.compliance = self.compliance - rho * (cross + cross.T) + scale * np.outer(s, s)
-        self._pairs.append((step, change, rho))
+        if self._count == len(self._rhos):
+            room = max(8, self._count)
+            self._steps = np.concatenate([self._steps.reshape(self._count, len(step)), np.empty((room, len(step)))])
+            self._changes = np.concatenate([self._changes.reshape(self._count, len(step)), np.empty((room, len(step)))])
+            self._rhos = np.concatenate([self._rhos, np.empty(room)])
+        self._steps[self._count], self._changes[self._count], self._rhos[self._count] = step, change, rho
+        self._count += 1
