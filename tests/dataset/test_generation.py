@@ -2,7 +2,6 @@ import os
 import signal
 import subprocess
 import sys
-import threading
 import time
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -99,22 +98,31 @@ def test_damaged_and_failed_poses_are_simulated_again(tmp_path, log):
 def test_interrupt_stops_all_workers_and_keeps_what_is_done(tmp_path, log):
     scene = FakeScene(block(3), log=log, pause=0.1)
     store = short_store(tmp_path / "store", scene)
-
-    def interrupt():
-        while not any(path.name.startswith("pose_000_090") for path in log.iterdir()):
-            time.sleep(0.02)
-        os.kill(os.getpid(), signal.SIGINT)
-
-    thread = threading.Thread(target=interrupt)
-    thread.start()
-    with pytest.raises(KeyboardInterrupt):
-        generate(scene, store.poses, store, runner=fake_runner)
-    thread.join()
+    # In a process of its own: Control-C must not reach the one that runs the tests.
+    script = (
+        "import multiprocessing; from pathlib import Path; from dataset_fakes import *\n"
+        "from mixpinn.dataset import generate\n"
+        "if __name__ == '__main__':\n"
+        f"    scene = FakeScene(block(3), log=Path({str(log)!r}), pause=0.1)\n"
+        f"    store = short_store(Path({str(store.folder)!r}), scene)\n"
+        "    try:\n"
+        "        generate(scene, store.poses, store, runner=fake_runner)\n"
+        "    except KeyboardInterrupt:\n"
+        "        print('interrupted', len(multiprocessing.active_children()))\n"
+    )
+    (tmp_path / "interrupted.py").write_text(script)
+    process = subprocess.Popen(
+        [sys.executable, str(tmp_path / "interrupted.py")], stdout=subprocess.PIPE, text=True, start_new_session=True,
+        env={**os.environ, "PYTHONPATH": str(Path(__file__).parent)},
+    )
+    while not any(path.name.startswith("pose_000_090") for path in log.iterdir()):
+        assert process.poll() is None
+        time.sleep(0.02)
+    process.send_signal(signal.SIGINT)
+    output, _ = process.communicate(timeout=60)
+    assert output.split() == ["interrupted", "0"]
     assert states(store) == ["done", *["missing"] * 5]
     assert GenerationSummary.load(store.folder / "summary.json").done == 1
-    import multiprocessing
-
-    assert not multiprocessing.active_children()
 
 
 def test_thread_counts_are_pinned_and_restored(monkeypatch):

@@ -52,6 +52,8 @@ class ContactConfig:
         stiffness: k of one contact point [N/mm].
         smoothing: δ, the violation over which the contact stiffness sets in [mm].
         spacing: largest distance between neighbouring contact points on the probe [mm].
+        dragging: whether friction resists motion relative to the moving probe. False is SOFA's way: its probe is set
+            from place to place without a velocity, so that friction resists the skin's own motion in space.
     """
 
     gap: float = 2.0
@@ -60,6 +62,7 @@ class ContactConfig:
     stiffness: float = 500.0
     smoothing: float = 0.02
     spacing: float = 2.0
+    dragging: bool = True
 
 
 @dataclass(frozen=True, eq=False)

@@ -152,7 +152,8 @@ class PoseSimulator:
 
     def _advance(self, last: _Equilibrium, pose: ProbePose, cuts: int) -> tuple[_Equilibrium | None, float]:
         """Go from equilibrium `last` to `pose`, in halves where needed."""
-        frame = self.contact.begin_step(self._skin(last.balance.state), last.pose, last.slip)
+        before = last.pose if self.scene.contact.dragging else pose
+        frame = self.contact.begin_step(self._skin(last.balance.state), before, last.slip)
         guess = last.balance.state
         if last.increment is not None:
             guess = self.system.advance(guess, last.increment)
