@@ -76,8 +76,8 @@ def short_section(command: str, run: Path) -> str:
     samples = read_json(run / "simulation" / "summary.json")
     return "\n".join([
         f"`{command}` took {sum(stages.values()) / 60.0:.1f} minutes on {os.cpu_count()} cores, "
-        f"{stages['Simulation']:.0f} s of them for {samples['done']} simulated poses ({samples['contact_steps']} samples). "
-        "Errors on probe positions that no model has seen:\n", table,
+        f"{stages['Simulation']:.0f} s of them for {samples['done']} simulated poses with {samples['contact_steps']} "
+        "samples. Errors on probe positions that no model has seen:\n", table,
     ])
 
 
