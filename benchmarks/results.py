@@ -17,7 +17,7 @@ from typing import Any
 from mixpinn.base.files import atomic_path, read_json, write_text
 
 ROOT = Path(__file__).parents[1]
-PICTURES = ("prediction.png", "cut.png", "error.png")
+PICTURES = ("prediction.png", "error.png")
 
 
 def processor() -> str:
@@ -61,6 +61,7 @@ def run_section(title: str, command: str, run: Path, images: Path) -> str:
     return "\n".join([
         f"## {title}\n", f"Command: `{command}`. Run of {record['finished'][:10]}.\n", results["headline"] + "\n",
         f"![Prediction over the finite-element result](images/{slug}-prediction.png)\n",
+        f"![Distance between prediction and finite-element result](images/{slug}-error.png)\n",
         f"Mesh: {quality['n_points']:,} points, {quality['n_cells']:,} cells, smallest dihedral angle "
         f"{quality['min_dihedral']:.1f}°, {quality['inverted']} inverted cells; Dice {fidelity[0]['dice']:.3f} for the "
         f"body, {min(vertebrae):.3f} to {max(vertebrae):.3f} for the vertebrae. Training: {_epochs(run)}.\n",

@@ -1,7 +1,7 @@
 """The recorded fields of SOFA, and the scene that they belong to."""
 
 import os
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -109,11 +109,9 @@ def sofa_scene(folder: Path, mesh: TissueMesh, **contact: Any) -> Scene:
     """
     paper = paper_folder(folder)
     patch = Probe.load(paper / "body_collision.stl")
-    known = {entry.name for entry in fields(ContactConfig)}
-    options = {"gap": 2.0, "alarm": 4.0, "friction": 1.0, "spacing": 0.5, "dragging": False}
-    options |= contact
+    options = {"gap": 2.0, "alarm": 4.0, "friction": 1.0, "spacing": 0.5, "dragging": False, **contact}
     return Scene(
         mesh, Probe.load(paper / "probe_collision.stl"), (PAPER_TISSUE,),
-        ContactConfig(**{name: value for name, value in options.items() if name in known}),
+        ContactConfig(**options),
         SolverConfig(threads=1), SkinSurface.embedded(mesh, patch.points, patch.triangles),
     )
