@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from training.toy_block import block_mesh
 
 from mixpinn.base.errors import InputError
 from mixpinn.evaluation import MetricGeometry, rigid_edge_error
 from mixpinn.fem import ElasticSystem, StableNeoHookean, SuperLUSolver
 from mixpinn.models.prior import ElasticPrior
+from training.toy_block import block_mesh
 
 TISSUE = StableNeoHookean.from_young(25.4e-3, 0.45)
 
