@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from mixpinn.base.files import atomic_path, read_json, write_text
+from mixpinn.dataset import GenerationSummary
 
 ROOT = Path(__file__).parents[1]
 PICTURES = ("prediction.png", "error.png")
@@ -93,14 +94,16 @@ def fill_readme(path: Path, sections: dict[str, str]) -> None:
     write_text(path, text)
 
 
-def protocol_section(run: Path) -> str:
-    """The whole protocol: the summary that `mixpinn simulate` stored."""
-    from mixpinn.dataset import GenerationSummary
-
+def protocol_section(run: Path, images: Path) -> str:
+    """The whole protocol: the summary that `mixpinn simulate` stored, and its picture."""
+    with atomic_path(images / "protocol-poses.png") as temporary:
+        shutil.copyfile(run / "poses.png", temporary)
     return "\n".join([
         "## The paper's protocol on the paper's mesh\n",
         "Command: `mixpinn simulate MESH --protocol paper --paper-constants --positions probe_positions.txt --probe "
-        "probe_collision.stl`.\n", GenerationSummary.load(run / "summary.json").markdown(),
+        "probe_collision.stl`. A smallest det F below zero is a sliver of that mesh between two vertebrae, turned inside "
+        "out; the energy does not forbid it.\n", GenerationSummary.load(run / "summary.json").markdown(),
+        "![State of every pose](images/protocol-poses.png)\n",
     ])
 
 
@@ -138,7 +141,7 @@ def main(arguments: list[str] | None = None) -> None:
         run_section("Demo on the phantom", "make demo", options.demo, images),
     ]
     if options.protocol:
-        sections.append(protocol_section(options.protocol))
+        sections.append(protocol_section(options.protocol, images))
     if options.benchmark:
         sections.append(benchmark_section(options.benchmark))
     write_text(options.out, "\n".join(sections))
