@@ -101,8 +101,8 @@ def protocol_section(run: Path, images: Path) -> str:
     return "\n".join([
         "## The paper's protocol on the paper's mesh\n",
         "Command: `mixpinn simulate MESH --protocol paper --paper-constants --positions probe_positions.txt --probe "
-        "probe_collision.stl`. A smallest det F below zero means that some cell of that mesh was turned inside out, which "
-        "the energy does not forbid.\n",
+        "probe_collision.stl`. A smallest det F below zero means that some cell of that mesh was turned inside out, "
+        "which the energy does not forbid.\n",
         GenerationSummary.load(run / "summary.json").markdown(),
         "![State of every pose](images/protocol-poses.png)\n",
     ])

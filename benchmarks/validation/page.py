@@ -16,7 +16,7 @@ an earlier run wrote.
 
 def figure(value: float) -> str:
     """A figure with three digits; a dash where there is none."""
-    return "–" if value != value else f"{value:.3g}"
+    return "–" if value != value else f"{value:.4g}"
 
 
 def section_text(section: Section, pictures: str) -> str:
