@@ -33,7 +33,7 @@ Set = Annotated[
     list[str] | None, typer.Option("--set", help="Override a setting, for example train.max_epochs=20; repeatable."),
 ]
 Config = Annotated[Path | None, typer.Option("--config", "-c", help="Settings as TOML or JSON.")]
-SplitFile = Annotated[Path | None, typer.Option("--split", help="Split of the positions as JSON.")]
+SplitFile = Annotated[Path | None, typer.Option("--split", help="Split of the positions as JSON, or every-fifth.")]
 Threads = Annotated[int | None, typer.Option(help="CPU threads; every core by default.")]
 
 

@@ -4,12 +4,17 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
 
+import numpy as np
+
 from mixpinn.base.errors import InputError
-from mixpinn.dataset import PoseState, SimulationStore, Split, build_sample_table, split_positions
+from mixpinn.dataset import PoseState, SimulationStore, Split, build_sample_table, split_positions, split_sofa_subset
 from mixpinn.graph import Scaling
 from mixpinn.models import MODELS, ModelConfig
 from mixpinn.records import SampleTable
 from mixpinn.training import PHYSGNN_TRAINING, TrainConfig, TrainingResult, train_stage
+
+EVERY_FIFTH = "every-fifth"
+"""Name of the split for data sets that hold only some of the listed positions."""
 
 
 @dataclass(frozen=True)
@@ -19,7 +24,8 @@ class SplitConfig:
     Attributes:
         ratios: of train, validation and test positions.
         seed: of the permutation.
-        file: a split as JSON, used instead.
+        file: a split as JSON, used instead; or ``every-fifth``: of the positions that have samples, sorted, every
+            fifth beginning with the third tests, and every sixth of the rest, beginning with the fourth, validates.
         contact: which nodes are contact nodes: those that carry force, or all that are near.
     """
 
@@ -78,6 +84,8 @@ class ModelsConfig:
 
 def make_split(store: SimulationStore, config: SplitConfig) -> Split:
     """The split of the store's probe positions."""
+    if config.file == EVERY_FIFTH:
+        return split_sofa_subset(np.array([pose.position_index for pose in store.poses]), validate=True)
     if config.file is not None:
         return Split.load(config.file)
     return split_positions(len(store.positions), ratios=config.ratios, seed=config.seed)
