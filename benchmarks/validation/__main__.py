@@ -2,7 +2,8 @@
 
 The last line printed is a JSON list of objects with ``check``, ``value``, ``bar`` and ``met``. By default the two long
 checks are cut short or left out: ``--full`` imposes SOFA's contact on all its poses (resumable), ``--scaling`` measures
-cost against size. The rows of the whole protocol come from the summary of ``mixpinn simulate``: ``--summary FILE``.
+cost against size. The rows of the whole protocol come from the summaries of ``mixpinn simulate``: ``--summary FILE`` for
+the paper's mesh, ``--own-summary FILE`` for the own one.
 """
 
 import argparse
@@ -18,10 +19,12 @@ from benchmarks.validation import (
     hertz,
     linear_elasticity,
     material,
+    pressure,
     protocol,
     scaling,
     sofa_contact,
     sofa_imposed,
+    sofa_transient,
 )
 from benchmarks.validation.page import figure, write_page
 from benchmarks.validation.result import Section
@@ -30,7 +33,8 @@ ROOT = Path(__file__).parents[2]
 TITLES = (
     "Materials", "Patch test, uniaxial stretch, simple shear", "Linear elasticity and orders of convergence", "Hertz",
     "Friction", "Equilibrium of rigid bodies and probe", "SOFA's frames, contact displacements imposed",
-    "SOFA's static fields, own contact", "The paper's protocol", "Cost against size",
+    "SOFA's static fields, own contact", "SOFA's transient frames, own contact", "Contact area and pressure",
+    "The paper's protocol", "The protocol on the own mesh", "Cost against size",
 )
 """Sections of the page in their order."""
 
@@ -47,7 +51,10 @@ def checks(options: argparse.Namespace) -> dict[str, Callable[[], Section]]:
         "balance": lambda: balance.run(pictures),
         "sofa_imposed": lambda: sofa_imposed.run(pictures, cache=cache / "imposed", full=options.full),
         "sofa_contact": lambda: sofa_contact.run(pictures, cache=cache / "contact"),
+        "sofa_transient": lambda: sofa_transient.run(pictures, cache=cache / "contact", full=options.full),
+        "pressure": lambda: pressure.run(pictures),
         "protocol": lambda: protocol.run(options.summary),
+        "own_mesh": lambda: protocol.run_own(options.own_summary),
         "scaling": lambda: scaling.run(pictures),
     }
     if options.only:
@@ -63,6 +70,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--full", action="store_true", help="all poses of the imposed check")
     parser.add_argument("--scaling", action="store_true", help="cost against size, too")
     parser.add_argument("--summary", type=Path, help="summary.json of a simulation of the paper's protocol")
+    parser.add_argument("--own-summary", type=Path, help="the same of a simulation on the own mesh")
     parser.add_argument("--only", nargs="+", metavar="CHECK", help="run these checks alone")
     parser.add_argument("--cache", type=Path, default=ROOT / "runs" / "validation", help="folder of kept simulations")
     parser.add_argument("--page", type=Path, default=ROOT / "docs" / "validation.md", help="page to write")

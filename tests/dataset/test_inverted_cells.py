@@ -1,3 +1,4 @@
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -58,10 +59,11 @@ def test_names_what_the_nodes_belong_to(mesh):
     rigid = mesh.part[mesh.cells] > 0
     beside = int(np.flatnonzero(rigid.any(axis=1) & ~rigid.all(axis=1))[0])
     found = {entry.cell: entry for entry in inverted_cells(mesh, turned(mesh, beside), "p")}
-    assert found[beside].parts == ("L1", "soft tissue")
+    assert found[beside].parts == ("L1",)
+    assert found[beside].soft_nodes == int((~rigid[beside]).sum())
     apart = int(np.flatnonzero(~rigid.any(axis=1))[0])
     found = {entry.cell: entry for entry in inverted_cells(mesh, turned(mesh, apart), "p")}
-    assert found[apart].parts == ("soft tissue",)
+    assert (found[apart].parts, found[apart].soft_nodes, found[apart].tissue) == ((), 4, "soft tissue")
 
 
 def test_summary_lists_them_and_keeps_them_for_the_next_time(tmp_path, mesh):
@@ -87,11 +89,8 @@ def test_summary_lists_them_and_keeps_them_for_the_next_time(tmp_path, mesh):
 def test_summary_of_an_older_run_has_no_list(tmp_path):
     summary = summarize(short_store(tmp_path, FakeScene(block(3))))
     summary.save(tmp_path / "summary.json")
-    text = (tmp_path / "summary.json").read_text()
     assert summary.inverted == ()
-    import json
-
-    values = json.loads(text)
+    values = json.loads((tmp_path / "summary.json").read_text())
     del values["inverted"]
     (tmp_path / "summary.json").write_text(json.dumps(values))
     older = GenerationSummary.load(tmp_path / "summary.json")

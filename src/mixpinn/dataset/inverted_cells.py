@@ -30,7 +30,9 @@ class InvertedCell:
         depth: depth of that step [mm].
         first_depth: depth of the first of them [mm].
         determinant: det F at that step.
-        parts: what the cell's nodes belong to: rigid parts by name, and the cell's tissue where a node is soft.
+        parts: names of the rigid parts that its nodes belong to.
+        soft_nodes: number of its nodes that belong to none.
+        tissue: name of its tissue.
         volume: at rest [mm³].
         radius_ratio: 3 r / R at rest; 1 for the regular tetrahedron, 0 for a flat one.
     """
@@ -43,6 +45,8 @@ class InvertedCell:
     first_depth: float
     determinant: float
     parts: tuple[str, ...]
+    soft_nodes: int
+    tissue: str
     volume: float
     radius_ratio: float
 
@@ -50,13 +54,6 @@ class InvertedCell:
     def of_json(values: dict[str, Any]) -> "InvertedCell":
         """From the plain values that `dataclasses.asdict` made."""
         return InvertedCell(**{**values, "parts": tuple(values["parts"])})
-
-
-def cell_parts(mesh: TissueMesh, cell: int) -> tuple[str, ...]:
-    """Names of what the nodes of `cell` belong to, rigid parts in their order, then its tissue if a node is soft."""
-    parts = np.unique(mesh.part[mesh.cells[cell]])
-    names = [mesh.rigid_names[k - 1] for k in parts if k > 0]
-    return (*names, mesh.tissue_names[mesh.tissue[cell]]) if (parts == 0).any() else tuple(names)
 
 
 def inverted_cells(mesh: TissueMesh, simulation: Simulation, pose: str) -> list[InvertedCell]:
@@ -70,7 +67,7 @@ def inverted_cells(mesh: TissueMesh, simulation: Simulation, pose: str) -> list[
         pose: its name.
     """
     rest = signed_volumes(mesh.points, mesh.cells)
-    steps = np.flatnonzero(simulation.converged)
+    steps = np.flatnonzero(simulation.converged & ~(simulation.min_jacobian > 0.0))  # unknown ones are looked at
     found: dict[int, list[tuple[float, int]]] = {}
     for step in steps:
         determinant = signed_volumes(mesh.points + simulation.displacement[step], mesh.cells) / rest
@@ -78,14 +75,18 @@ def inverted_cells(mesh: TissueMesh, simulation: Simulation, pose: str) -> list[
             found.setdefault(int(cell), []).append((float(determinant[cell]), int(step)))
     cells = np.array(sorted(found), dtype=np.int64)
     ratios = radius_ratios(mesh.points, mesh.cells[cells]) if len(cells) else np.empty(0)
-    depths = simulation.path.depths
-    return [
-        InvertedCell(
-            pose, int(cell), len(found[cell]), min(found[cell])[1], float(depths[min(found[cell])[1]]),
-            float(depths[found[cell][0][1]]), min(found[cell])[0], cell_parts(mesh, cell), float(rest[cell]),
-            float(ratio),
-        ) for cell, ratio in zip(cells.tolist(), ratios, strict=True)
-    ]
+    entries = []
+    for cell, ratio in zip(cells.tolist(), ratios, strict=True):
+        (determinant, step), first = min(found[cell]), found[cell][0][1]
+        part = mesh.part[mesh.cells[cell]]
+        entries.append(InvertedCell(
+            pose, cell, steps=len(found[cell]), step=step, depth=float(simulation.path.depths[step]),
+            first_depth=float(simulation.path.depths[first]), determinant=determinant,
+            parts=tuple(mesh.rigid_names[k - 1] for k in np.unique(part[part > 0])),
+            soft_nodes=int((part == 0).sum()), tissue=mesh.tissue_names[mesh.tissue[cell]], volume=float(rest[cell]),
+            radius_ratio=float(ratio),
+        ))
+    return entries
 
 
 def list_inverted(store: SimulationStore, statuses: Sequence[PoseStatus]) -> tuple[InvertedCell, ...]:
