@@ -15,7 +15,9 @@ PRESS, DRAG, INCREMENT = 1.0, 4.0, 0.25
 GAP = 1.0
 ALONG = np.arange(INCREMENT, DRAG + 1e-9, INCREMENT)
 
-PLANE = Probe(np.array([[-300.0, 0.0, -100.0], [300.0, 0.0, -100.0], [0.0, 0.0, 300.0]]), np.array([[0, 1, 2]]), "plane")
+PLANE = Probe(
+    np.array([[-300.0, 0.0, -100.0], [300.0, 0.0, -100.0], [0.0, 0.0, 300.0]]), np.array([[0, 1, 2]]), "plane",
+)
 """One triangle, far larger than the block, its normal down: every contact is between a node and the plane."""
 PLATE = Probe(
     np.array([[-44.5, 0.0, -44.5], [45.5, 0.0, -44.5], [45.5, 0.0, 45.5], [-44.5, 0.0, 45.5]]),
@@ -107,8 +109,8 @@ def run(folder: Path) -> Section:
     return Section(
         "Friction",
         f"A block is pressed by {PRESS:g} mm and the presser is then moved along it in steps of {INCREMENT:g} mm; "
-        f"μ = {MU:g}. The block shears under the sticking presser until |T| = μ N, and then the presser slides. T and N "
-        "are the resultants along and across the presser. The law holds for them where all normals are parallel: the "
+        f"μ = {MU:g}. The block shears under the sticking presser until |T| = μ N, and then the presser slides. T and "
+        "N are the resultants along and across the presser. The law holds for them where all normals are parallel: the "
         "presser is a *plane*, one triangle larger than the block, which touches the block's nodes. The same with a "
         "*plate* that has contact points of its own shows what a sampled probe adds. There the sum of the friction "
         "forces obeys the law, column *friction alone*. The resultant of all contact forces "

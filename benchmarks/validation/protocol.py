@@ -61,7 +61,8 @@ def inverted_text(entries: tuple[InvertedCell, ...]) -> str:
 def inverted_rows(entries: tuple[InvertedCell, ...]) -> tuple[tuple[str, ...], ...]:
     """A table of the cells that are inverted in most poses."""
     rows = [(
-        "cell", "rigid parts at its nodes", "volume [mm³]", "radius ratio", "poses", "first depth [mm]", "smallest det F", "in pose",
+        "cell", "rigid parts at its nodes", "volume [mm³]", "radius ratio", "poses", "first depth [mm]",
+        "smallest det F", "in pose",
     )]
     for group in by_cell(entries)[:SHOWN]:
         worst = min(group, key=lambda entry: entry.determinant)

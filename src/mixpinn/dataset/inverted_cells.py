@@ -67,24 +67,23 @@ def inverted_cells(mesh: TissueMesh, simulation: Simulation, pose: str) -> list[
         pose: its name.
     """
     rest = signed_volumes(mesh.points, mesh.cells)
-    steps = np.flatnonzero(simulation.converged & ~(simulation.min_jacobian > 0.0))  # unknown ones are looked at
     found: dict[int, list[tuple[float, int]]] = {}
-    for step in steps:
-        determinant = signed_volumes(mesh.points + simulation.displacement[step], mesh.cells) / rest
-        for cell in np.flatnonzero(determinant <= 0.0):
-            found.setdefault(int(cell), []).append((float(determinant[cell]), int(step)))
+    for step in np.flatnonzero(simulation.converged & ~(simulation.min_jacobian > 0.0)):  # also where it is unknown
+        ratio = signed_volumes(mesh.points + simulation.displacement[step], mesh.cells) / rest
+        for cell in np.flatnonzero(ratio <= 0.0):
+            found.setdefault(int(cell), []).append((float(ratio[cell]), int(step)))
     cells = np.array(sorted(found), dtype=np.int64)
-    ratios = radius_ratios(mesh.points, mesh.cells[cells]) if len(cells) else np.empty(0)
+    shapes = radius_ratios(mesh.points, mesh.cells[cells]) if len(cells) else np.empty(0)
     entries = []
-    for cell, ratio in zip(cells.tolist(), ratios, strict=True):
-        (determinant, step), first = min(found[cell]), found[cell][0][1]
+    for cell, shape in zip(cells.tolist(), shapes, strict=True):
+        (determinant, at), first = min(found[cell]), found[cell][0][1]
         part = mesh.part[mesh.cells[cell]]
         entries.append(InvertedCell(
-            pose, cell, steps=len(found[cell]), step=step, depth=float(simulation.path.depths[step]),
+            pose, cell, steps=len(found[cell]), step=at, depth=float(simulation.path.depths[at]),
             first_depth=float(simulation.path.depths[first]), determinant=determinant,
             parts=tuple(mesh.rigid_names[k - 1] for k in np.unique(part[part > 0])),
             soft_nodes=int((part == 0).sum()), tissue=mesh.tissue_names[mesh.tissue[cell]], volume=float(rest[cell]),
-            radius_ratio=float(ratio),
+            radius_ratio=float(shape),
         ))
     return entries
 
