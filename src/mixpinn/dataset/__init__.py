@@ -13,6 +13,7 @@ from mixpinn.dataset.holdouts import (
     rotation_is,
     split_samples,
 )
+from mixpinn.dataset.inverted_cells import InvertedCell, inverted_cells, list_inverted
 from mixpinn.dataset.pose_map import draw_pose_map, save_pose_map
 from mixpinn.dataset.positions import first_touch, grid_positions, plan_poses, thin_positions
 from mixpinn.dataset.protocol import (
@@ -38,9 +39,10 @@ from mixpinn.dataset.worker import Runner, run_pose
 
 __all__ = [
     "ANATOMY", "HOLD_OUTS", "PAPER", "PROTOCOLS", "SMALL", "SOFA_REPLAY", "TINY", "ContactRule", "DatasetTable",
-    "GenerationSummary", "Pose", "PoseState", "PoseStatus", "Protocol", "Runner", "SampleSplit", "Selector",
-    "SimulationStore", "Split", "beyond", "build_sample_table", "dataset_table", "deeper_than", "draw_pose_map",
-    "first_touch", "generate", "grid_positions", "hold_out", "lateral_to", "list_poses", "plan_poses", "probe_path",
-    "probe_rotation", "read_positions", "rotation_is", "run_pose", "save_pose_map", "scene_identity", "split_positions",
-    "split_samples", "split_sofa_subset", "summarize", "table_of", "thin_positions",
+    "GenerationSummary", "InvertedCell", "Pose", "PoseState", "PoseStatus", "Protocol", "Runner", "SampleSplit",
+    "Selector", "SimulationStore", "Split", "beyond", "build_sample_table", "dataset_table", "deeper_than",
+    "draw_pose_map", "first_touch", "generate", "grid_positions", "hold_out", "inverted_cells", "lateral_to",
+    "list_inverted", "list_poses", "plan_poses", "probe_path", "probe_rotation", "read_positions", "rotation_is",
+    "run_pose", "save_pose_map", "scene_identity", "split_positions", "split_samples", "split_sofa_subset", "summarize",
+    "table_of", "thin_positions",
 ]
