@@ -248,6 +248,43 @@ def evaluate(
 
 
 @app.command()
+def ablate(
+    source: Annotated[str, typer.Argument(help="Label maps, 'phantom', a mesh, or the folder of 'mixpinn simulate'.")],
+    out: Out,
+    protocol: Annotated[str, typer.Option(help="desk or paper.")] = "desk",
+    rows: Annotated[list[str] | None, typer.Option("--row", help="Only this row; repeatable. All fourteen.")] = None,
+    width: Annotated[int | None, typer.Option(help="Channels a head.")] = None,
+    probe: ProbeFile = None,
+    positions: Positions = None,
+    split_file: SplitFile = None,
+    workers: Annotated[int, typer.Option(help="Processes; every core by default.")] = 0,
+    threads: Annotated[int, typer.Option(help="CPU threads of each process.")] = 1,
+    scheduler: Annotated[str | None, typer.Option(help="Address of a Dask scheduler to use instead.")] = None,
+    devices: Annotated[int, typer.Option(help="Processes of each training, each with a device of its own.")] = 1,
+    config: Config = None,
+    overrides: Set = None,
+) -> None:
+    """The paper's experiments: every row trained and tested, with hold-outs; goes on where it was stopped."""
+    from mixpinn.pipeline import ABLATION_RUNS, AblationConfig, run_ablation
+
+    if protocol not in ABLATION_RUNS:
+        raise InputError(
+            f"--protocol {protocol}", expected="one of " + ", ".join(ABLATION_RUNS), got=protocol,
+            fix="choose one of them",
+        )
+    settings = build_config(AblationConfig, asdict(ABLATION_RUNS[protocol]), *_layers(
+        config, overrides, rows=rows and tuple(rows), hidden=width,
+        split={"file": str(split_file)} if split_file else None,
+        simulation={
+            name: str(path) for name, path in (("probe", probe), ("positions", positions)) if path
+        } or None,
+    ))
+    run_ablation(
+        source, settings, out=out, workers=workers, threads=threads, scheduler=scheduler, devices=devices,
+    )
+
+
+@app.command()
 def predict(
     model: Annotated[Path, typer.Argument(help="Folder that 'mixpinn train' wrote.")],
     out: Annotated[Path, typer.Option("--out", "-o", help="Deformed mesh: .vtu, .stl or .ply.")],
