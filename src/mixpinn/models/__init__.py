@@ -21,8 +21,8 @@ from mixpinn.models.topology import AttentionTopology, build_topology
 
 __all__ = [
     "ABLATION", "MESH_FILE", "MIXPINN", "MODELS", "PHYSGNN", "SIMPLE_GAT", "WEIGHTS_FILE", "WIDTHS",
-    "AttentionTopology", "Backend", "DisplacementModel", "GATNetwork", "GraphAttention", "ModelConfig", "PhysGNNNetwork", "build_graph_for",
-    "build_model", "build_topology", "describe_training", "fused_attention", "load_checkpoint",
-    "mean_euclidean_error", "mesh_output", "model_name", "read_description", "read_tensors", "rigid_edge_error",
-    "rigid_edge_loss", "save_checkpoint", "write_tensors",
+    "AttentionTopology", "Backend", "DisplacementModel", "GATNetwork", "GraphAttention", "ModelConfig",
+    "PhysGNNNetwork", "build_graph_for", "build_model", "build_topology", "describe_training", "fused_attention",
+    "load_checkpoint", "mean_euclidean_error", "mesh_output", "model_name", "read_description", "read_tensors",
+    "rigid_edge_error", "rigid_edge_loss", "save_checkpoint", "write_tensors",
 ]

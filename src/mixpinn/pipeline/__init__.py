@@ -19,7 +19,7 @@ from mixpinn.pipeline.training_stage import ModelsConfig, SplitConfig, load_samp
 
 __all__ = [
     "ABLATION_RUNS", "DEMO", "PAPER_TISSUE_CONFIG", "ROWS", "AblationConfig", "Background", "EvaluationConfig",
-    "ModelsConfig", "OtherProbe", "RunConfig", "SimulationConfig", "SplitConfig", "TissueConfig", "evaluate_models", "export_sofa", "fidelity_table",
-    "findings_table", "import_sofa_recordings", "load_samples", "make_scene", "make_simulations",
-    "quality_table", "run_ablation", "run_pipeline", "train_model",
+    "ModelsConfig", "OtherProbe", "RunConfig", "SimulationConfig", "SplitConfig", "TissueConfig", "evaluate_models",
+    "export_sofa", "fidelity_table", "findings_table", "import_sofa_recordings", "load_samples", "make_scene",
+    "make_simulations", "quality_table", "run_ablation", "run_pipeline", "train_model",
 ]

@@ -1,6 +1,5 @@
 """The paper's experiments in one command: simulations, every row's training, tests and tables."""
 
-import json
 import os
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
@@ -11,7 +10,7 @@ import numpy as np
 from mixpinn.anatomy import make_anatomy
 from mixpinn.base.config import build_config
 from mixpinn.base.errors import InputError, MixpinnError
-from mixpinn.base.files import read_json, write_json
+from mixpinn.base.files import hash_arrays, read_json, write_json
 from mixpinn.base.progress import console
 from mixpinn.base.rundir import finish_run, start_run
 from mixpinn.dataset import SimulationStore, Split
@@ -80,7 +79,7 @@ def run_ablation(
         del settings[name]
     del settings["train"]["threads"]
     start_run(out, "ablate", settings, input_hashes={
-        "mesh": mesh.hash(), "store": made.store.scene_hash, "split": json.dumps(split.parts, default=np.ndarray.tolist),
+        "mesh": mesh.hash(), "store": made.store.scene_hash, "split": hash_arrays(*split.parts.values()),
     })
     train = _prepare(table, split, made, config, mesh, out=out, scheduler=scheduler)
     jobs = plan_jobs(config, split, train)

@@ -51,7 +51,6 @@ def load_runs(folder: Path, jobs: Sequence[AblationJob]) -> tuple[AblationRun, .
 
 def make_tables(
     runs: Sequence[AblationRun], sets: Sequence[TestSet], config: AblationConfig, *, train_positions: int,
-    protocol: str,
 ) -> list[Table]:
     """All tables: each test set, claims, the paper's figures, hold-outs at a glance, need for data, budgets."""
     names = [entry.name for entry in sets]
@@ -61,9 +60,9 @@ def make_tables(
     )
     tables = [
         test_set_table(
-            runs, entry.name, title=f"Test set “{entry.name}”",
-            seed=config.split.seed, note=f"{entry.description[:1].upper()}{entry.description[1:]}: {entry.positions} positions, {entry.poses} "
-            f"poses, {entry.samples} samples. {note} {protocol}",
+            runs, entry.name, title=f"Test set “{entry.name}”", seed=config.split.seed,
+            note=f"What is new: {entry.description}. {entry.positions} positions, {entry.poses} poses, "
+            f"{entry.samples} samples. {note}",
         )
         for entry in sets
     ]
@@ -92,7 +91,7 @@ def write_ablation_report(
     split = Split.load(folder / "split.json")
     counts = read_json(folder / "samples" / "counts.json")
     protocol = protocol_line(config, diameters=diameters, nodes=nodes, split=split, counts=counts)
-    tables = make_tables(runs, sets, config, train_positions=len(split.train), protocol="")
+    tables = make_tables(runs, sets, config, train_positions=len(split.train))
     names = [entry.name for entry in sets]
     pictures = {}
     if config.pictures:
