@@ -85,6 +85,19 @@ def _simulation(
     ))
 
 
+def _made_with(store: Path, paper_constants: bool) -> "SimulationConfig":
+    """How the simulations of a store were made, which the elastic prior needs; recordings do not tell the tissue."""
+    from mixpinn.base.files import read_json
+    from mixpinn.pipeline import PAPER_TISSUE_CONFIG, SimulationConfig
+
+    record = store.parent / "run.json"
+    made = read_json(record) if record.exists() else {}
+    return build_config(
+        SimulationConfig, made["config"] if made.get("stage") == "simulate" else {},
+        {"tissue": asdict(PAPER_TISSUE_CONFIG)} if paper_constants else {},
+    )
+
+
 @app.command()
 def anatomy(
     source: Annotated[str, typer.Argument(help="Folder of NIfTIs, one multi-label NIfTI, or 'phantom'.")],
@@ -184,19 +197,28 @@ def dataset(
 def train(
     source: Annotated[Path, typer.Argument(help="Folder that 'mixpinn simulate' wrote.")],
     out: Out,
-    model: Annotated[str, typer.Option(help="mixpinn, simple-gat, physgnn or row-1 … row-13.")] = "mixpinn",
+    model: Annotated[str, typer.Option(help="hybrid, mixpinn, simple-gat, physgnn or row-1 … row-13.")] = "mixpinn",
     width: Annotated[str | None, typer.Option(help="tiny, desk, authors or paper.")] = None,
     epochs: Annotated[int | None, typer.Option(help="Largest number of epochs.")] = None,
     scaling: Annotated[str | None, typer.Option(help="none or standard.")] = None,
     devices: Annotated[int, typer.Option(help="Processes, each with a device of its own.")] = 1,
     split_file: SplitFile = None,
     hold_out: HoldOut = None,
+    paper_constants: PaperConstants = False,
     config: Config = None,
     overrides: Set = None,
 ) -> None:
     """Train one model; an interrupted run goes on to the same loss curve."""
     from mixpinn.dataset import SimulationStore
-    from mixpinn.pipeline import ModelsConfig, SplitConfig, load_samples, train_model
+    from mixpinn.pipeline import (
+        HYBRID,
+        HybridStageConfig,
+        ModelsConfig,
+        SplitConfig,
+        load_samples,
+        make_hybrid,
+        train_model,
+    )
 
     settings = build_config(
         ModelsConfig, {"names": [model]}, *_layers(config, None, width=width, scaling=scaling),
@@ -204,6 +226,15 @@ def train(
     )
     store = SimulationStore.open(_simulations(source))
     table, split = load_samples(store, SplitConfig(file=str(split_file) if split_file else None))
+    if model == HYBRID:
+        simulation = _made_with(store.folder, paper_constants)
+        hybrid = make_hybrid(
+            store, table, split, HybridStageConfig(simulation.tissue, simulation.tissues, settings.hybrid), out=out,
+            held_out=hold_out,
+        )
+        samples = hybrid.about["training_samples"]
+        console.print(f"{len(hybrid.newton.modes)} modes from {samples} samples; model in {out}")
+        return
     result = train_model(model, settings, table, split, store, out=out, devices=devices, held_out=hold_out)
     console.print(
         f"{len(result.history)} epochs, best {result.best_epoch} with {result.best_validation_loss:.4f} mm on the "
@@ -224,26 +255,17 @@ def evaluate(
     threads: Threads = None,
 ) -> None:
     """Metrics on the test positions, pictures and the HTML report."""
-    from mixpinn.base.files import read_json
     from mixpinn.dataset import SimulationStore
     from mixpinn.pipeline import (
-        PAPER_TISSUE_CONFIG,
         Background,
         EvaluationConfig,
-        SimulationConfig,
         SplitConfig,
         evaluate_models,
         load_samples,
     )
 
     store = SimulationStore.open(_simulations(source))
-    record = store.folder.parent / "run.json"
-    made = read_json(record) if record.exists() else {}
-    # Recordings of other simulators do not tell the tissue's constants, which the elastic prior needs.
-    simulation = build_config(
-        SimulationConfig, made["config"] if made.get("stage") == "simulate" else {},
-        {"tissue": asdict(PAPER_TISSUE_CONFIG)} if paper_constants else {},
-    )
+    simulation = _made_with(store.folder, paper_constants)
     table, split = load_samples(store, SplitConfig(file=str(split_file) if split_file else None))
     _, report = evaluate_models(
         models, store, table, split, EvaluationConfig(pictures=pictures, with_paper=paper), out=out,

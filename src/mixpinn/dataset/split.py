@@ -7,7 +7,7 @@ import numpy as np
 
 from mixpinn.base.arrays import AnyArray, IntArray
 from mixpinn.base.errors import InputError
-from mixpinn.base.files import hash_arrays, read_json, write_json
+from mixpinn.base.files import read_json, write_json
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,10 +44,6 @@ class Split:
     def parts(self) -> dict[str, IntArray]:
         """The three sets by name."""
         return {"train": self.train, "validation": self.validation, "test": self.test}
-
-    def identity(self) -> str:
-        """Hash of the three sets."""
-        return hash_arrays(self.train, self.validation, self.test)
 
     def save(self, path: Path | str) -> None:
         """Write as JSON."""

@@ -1,5 +1,7 @@
 """Principal modes of differences between fields, in reduced coordinates."""
 
+from typing import Any
+
 import numpy as np
 
 from mixpinn.base.arrays import AnyArray, Float32Array
@@ -24,7 +26,7 @@ def principal_modes(
     """
     rows = np.asarray(differences, dtype=np.float32) * weights
     rank = min(n_modes + 16, *rows.shape)
-    basis: AnyArray = np.linalg.qr(rows.T @ rng.standard_normal((len(rows), rank)).astype(np.float32))[0]
+    basis: Any = np.linalg.qr(rows.T @ rng.standard_normal((len(rows), rank)).astype(np.float32))[0]
     for _ in range(3):
         basis = np.linalg.qr(rows.T @ (rows @ basis))[0]
     _, size, mixing = np.linalg.svd(rows @ basis, full_matrices=False)

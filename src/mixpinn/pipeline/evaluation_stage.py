@@ -32,9 +32,9 @@ from mixpinn.models.prior import ElasticPrior, probed_nodes
 from mixpinn.pipeline.simulation_stage import SimulationConfig, TissueConfig
 from mixpinn.pipeline.training_stage import choose_samples
 from mixpinn.records import Evaluation, Probe, SampleTable, TissueMesh
-from mixpinn.serving import Predictor
+from mixpinn.serving import AnyPredictor, load_predictor
 
-REPORT, WEIGHTS = "report.html", "weights.safetensors"
+REPORT, WEIGHTS = "report.html", ("weights.safetensors", "hybrid.safetensors")
 
 TITLES = {"mixpinn": "MIXPINN", "simple-gat": "Simple GAT", "physgnn": "PhysGNN"}
 """How the models of the paper are called in tables and pictures."""
@@ -125,7 +125,10 @@ def evaluate_models(
     trained = [_load(folder, mesh, threads) for folder in models]
     begun = start_run(
         out, "evaluate", config, seed=config.seed,
-        inputs={f"model {i} {Path(folder).name}": Path(folder) / WEIGHTS for i, folder in enumerate(models)},
+        inputs={
+            f"model {i} {Path(folder).name} {file}": Path(folder) / file
+            for i, folder in enumerate(models) for file in WEIGHTS
+        },
         input_hashes={"mesh": mesh.hash(), "store": store.scene_hash, "test samples": _identity(test)},
     )
     if begun and is_finished(out) and (out / REPORT).is_file():
@@ -179,12 +182,12 @@ def _identity(table: SampleTable) -> str:
     )
 
 
-def _load(folder: Path | str, mesh: TissueMesh, threads: int | None) -> Predictor:
-    predictor = Predictor.load(folder, threads=threads)
+def _load(folder: Path | str, mesh: TissueMesh, threads: int | None) -> AnyPredictor:
+    predictor = load_predictor(folder, threads=threads)
     predictor.name = TITLES.get(predictor.name, predictor.name)
-    if predictor.graph.mesh_hash != mesh.hash():
+    if predictor.mesh_hash != mesh.hash():
         raise InputError(
-            str(folder), expected=f"a model of mesh {mesh.hash()}", got=f"one of mesh {predictor.graph.mesh_hash}",
+            str(folder), expected=f"a model of mesh {mesh.hash()}", got=f"one of mesh {predictor.mesh_hash}",
             fix="train on this store, or evaluate on the store that the model was trained on",
         )
     return predictor
@@ -192,7 +195,7 @@ def _load(folder: Path | str, mesh: TissueMesh, threads: int | None) -> Predicto
 
 def _shown(candidates: Sequence[DisplacementModel], evaluations: Sequence[Evaluation]) -> int:
     """Index of the trained model with the lowest error; of the last candidate where none was trained."""
-    trained = [i for i, model in enumerate(candidates) if isinstance(model, Predictor)]
+    trained = [i for i, model in enumerate(candidates) if isinstance(model, AnyPredictor)]
     return min(trained, key=lambda i: float(evaluations[i].metrics["mee"].mean()), default=len(candidates) - 1)
 
 

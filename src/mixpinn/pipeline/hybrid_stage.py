@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from mixpinn.base.files import hash_arrays
 from mixpinn.base.rundir import finish_run, is_finished, start_run
 from mixpinn.dataset import SimulationStore, Split
 from mixpinn.fem import Material
@@ -12,6 +13,7 @@ from mixpinn.models.hybrid import HYBRID_FILE, HybridModel
 from mixpinn.models.prior import ElasticPrior
 from mixpinn.pipeline.evaluation_stage import build_prior
 from mixpinn.pipeline.simulation_stage import TissueConfig
+from mixpinn.pipeline.training_stage import choose_samples
 from mixpinn.records import SampleTable, TissueMesh
 from mixpinn.training.hybrid import HybridConfig, fit_hybrid
 
@@ -38,6 +40,7 @@ def mesh_materials(mesh: TissueMesh, tissues: Mapping[str, TissueConfig], defaul
 
 def make_hybrid(
     store: SimulationStore, table: SampleTable, split: Split, config: HybridStageConfig, *, out: Path | str,
+    held_out: str | None = None,
 ) -> HybridModel:
     """Fit the hybrid model on the training positions and calibrate it on the validation positions.
 
@@ -47,21 +50,23 @@ def make_hybrid(
         split: of the positions.
         config: tissue and regression.
         out: run directory: the predictor bundle; a finished one is loaded.
+        held_out: a hold-out by name whose samples neither fit nor calibration sees.
 
     Raises:
         InputError: `out` holds another run.
     """
     out, mesh = Path(out), store.mesh()
+    samples = choose_samples(table, split, held_out)
     begun = start_run(
         out, "hybrid", config, seed=config.hybrid.seed, inputs={"store": store.folder / "store.json"},
-        input_hashes={"mesh": mesh.hash(), "split": split.identity()},
+        input_hashes={"mesh": mesh.hash(), "samples": hash_arrays(samples.train, samples.validation)},
     )
     if begun and is_finished(out) and (out / HYBRID_FILE).is_file():
         return HybridModel.load(out, mesh)
     prior: ElasticPrior = build_prior(mesh, config.tissues, config.tissue, table)
     model = fit_hybrid(
-        prior, mesh_materials(mesh, config.tissues, config.tissue), table.at_positions(split.train),
-        table.at_positions(split.validation), config.hybrid,
+        prior, mesh_materials(mesh, config.tissues, config.tissue), table.select(samples.train),
+        table.select(samples.validation), config.hybrid,
     )
     mesh.save(out / MESH_FILE)
     model.save(out)

@@ -10,13 +10,16 @@ from mixpinn.anatomy import AnatomyResult, make_anatomy
 from mixpinn.base.files import read_json, write_json
 from mixpinn.base.progress import console
 from mixpinn.base.rundir import finish_run, start_run
+from mixpinn.dataset import SimulationStore, Split
 from mixpinn.evaluation import Table
 from mixpinn.mesh import MeshResult, make_mesh
 from mixpinn.pipeline.config import RunConfig
 from mixpinn.pipeline.evaluation_stage import Background, evaluate_models
+from mixpinn.pipeline.hybrid_stage import HybridStageConfig, make_hybrid
 from mixpinn.pipeline.setup_tables import fidelity_table, findings_table, quality_table
 from mixpinn.pipeline.simulation_stage import make_simulations
-from mixpinn.pipeline.training_stage import load_samples, train_model
+from mixpinn.pipeline.training_stage import HYBRID, load_samples, train_model
+from mixpinn.records import SampleTable
 
 T = TypeVar("T")
 TIMES = "stage_seconds.json"
@@ -68,12 +71,9 @@ def run_pipeline(config: RunConfig, *, out: Path | str, threads: int | None = No
         models = replace(models, train=replace(models.train, threads=threads))
     split.save(out / "split.json")
     for name in config.models.names:
-        clock.measure(
-            f"Training {name}",
-            lambda name=name: train_model(  # type: ignore[misc]
-                name, models, table, split, store, out=out / "models" / name,
-            ),
-        )
+        clock.measure(f"Training {name}", lambda name=name: _train(  # type: ignore[misc]
+            name, replace(config, models=models), table, split, store, out / "models" / name,
+        ))
     background = Background(
         title=config.title, introduction=_introduction(config, meshed, len(store.poses), len(table)),
         setup=_setup(anatomy, meshed), stage_seconds=dict(clock.seconds), summary=summary,
@@ -89,6 +89,15 @@ def run_pipeline(config: RunConfig, *, out: Path | str, threads: int | None = No
     })
     console.print(f"Report: {report}")
     return report
+
+
+def _train(name: str, config: RunConfig, table: SampleTable, split: Split, store: SimulationStore, out: Path) -> None:
+    if name == HYBRID:
+        simulation = config.simulation
+        settings = HybridStageConfig(simulation.tissue, simulation.tissues, config.models.hybrid)
+        make_hybrid(store, table, split, settings, out=out)
+    else:
+        train_model(name, config.models, table, split, store, out=out)
 
 
 def _introduction(config: RunConfig, meshed: MeshResult, poses: int, samples: int) -> str:

@@ -22,6 +22,10 @@ from mixpinn.graph import Scaling
 from mixpinn.models import MODELS, ModelConfig
 from mixpinn.records import SampleTable
 from mixpinn.training import PHYSGNN_TRAINING, TrainConfig, TrainingResult, train_stage
+from mixpinn.training.hybrid import HybridConfig
+
+HYBRID = "hybrid"
+"""Name of the elastic prior with a learned correction."""
 
 EVERY_FIFTH = "every-fifth"
 """Name of the split for data sets that hold only some of the listed positions."""
@@ -50,21 +54,25 @@ class ModelsConfig:
     """Which models are trained, and how.
 
     Attributes:
-        names: models of the paper's tables: ``mixpinn``, ``simple-gat``, ``physgnn`` or ``row-1`` … ``row-13``.
+        names: ``hybrid``, or models of the paper's tables: ``mixpinn``, ``simple-gat``, ``physgnn`` or ``row-1`` …
+            ``row-13``.
         width: channels a head: ``tiny``, ``desk``, ``authors`` or ``paper``.
         scaling: of inputs and outputs: ``none`` (millimetres as they are, as in the paper) or ``standard``.
         train: optimizer and schedule; PhysGNN takes the learning rate and batch size of its authors unless they
             differ from the defaults here.
+        hybrid: modes, features and regression of the hybrid model.
     """
 
     names: tuple[str, ...] = ("mixpinn", "simple-gat")
     width: str = "authors"
     scaling: Scaling = Scaling.NONE
     train: TrainConfig = field(default_factory=TrainConfig)
+    hybrid: HybridConfig = field(default_factory=HybridConfig)
 
     def __post_init__(self) -> None:
         for name in self.names:
-            self.model(name)
+            if name != HYBRID:
+                self.model(name)
 
     def model(self, name: str) -> ModelConfig:
         """Configuration of the model `name`.
@@ -74,7 +82,8 @@ class ModelsConfig:
         """
         if name not in MODELS:
             raise InputError(
-                f"model {name!r}", expected="one of " + ", ".join(MODELS), got=name, fix="choose one of them",
+                f"model {name!r}", expected="one of " + ", ".join((HYBRID, *MODELS)), got=name,
+                fix="choose one of them",
             )
         return replace(MODELS[name].with_width(self.width), scaling=self.scaling)
 

@@ -81,19 +81,7 @@ class Predictor:
 
     def predict_with_virtual(self, contact_displacement: AnyArray) -> Float32Array:
         """Displacement of mesh and virtual nodes [mm], float32, shape (N, 3); operand and errors as in `predict`."""
-        field = np.asarray(contact_displacement)
-        expected = (self.graph.n_mesh_nodes, 3)
-        if field.shape != expected or field.dtype.kind not in "fiu":
-            raise InputError(
-                "contact displacement", expected=f"numbers of shape {expected}", got=f"{field.dtype} {field.shape}",
-                fix="give one row for each node of the model's mesh",
-            )
-        field = np.array(field, dtype=np.float32)
-        if not np.isfinite(field).all():
-            raise InputError(
-                "contact displacement", expected="finite numbers", got=f"{int((~np.isfinite(field)).sum())} others",
-                fix="leave out contact nodes whose displacement is unknown",
-            )
+        field = checked_field(contact_displacement, n_nodes=self.graph.n_mesh_nodes)
         if self.threads is not None and torch.get_num_threads() != self.threads:
             torch.set_num_threads(self.threads)
         with torch.inference_mode():
@@ -116,6 +104,11 @@ class Predictor:
         return Prediction(self.mesh, self.predict(field), reference, self.name)
 
     @property
+    def mesh_hash(self) -> str:
+        """Identity of the mesh."""
+        return self.graph.mesh_hash
+
+    @property
     def virtual(self) -> "VirtualTopology | None":
         """The virtual nodes and edges of the model's graph, for the metrics ``as published``; None without any."""
         graph = self.graph
@@ -130,6 +123,27 @@ class Predictor:
             points=graph.position[graph.n_mesh_nodes:].numpy(), part=graph.virtual_node_part.numpy(),
             edges=once.T.numpy(),
         )
+
+
+def checked_field(contact_displacement: AnyArray, *, n_nodes: int) -> Float32Array:
+    """A copy of a contact displacement field [mm], float32, shape (n, 3).
+
+    Raises:
+        InputError: another shape, or values that are not finite.
+    """
+    field = np.asarray(contact_displacement)
+    if field.shape != (n_nodes, 3) or field.dtype.kind not in "fiu":
+        raise InputError(
+            "contact displacement", expected=f"numbers of shape {(n_nodes, 3)}", got=f"{field.dtype} {field.shape}",
+            fix="give one row for each node of the model's mesh",
+        )
+    field = np.array(field, dtype=np.float32)
+    if not np.isfinite(field).all():
+        raise InputError(
+            "contact displacement", expected="finite numbers", got=f"{int((~np.isfinite(field)).sum())} others",
+            fix="leave out contact nodes whose displacement is unknown",
+        )
+    return field
 
 
 def contact_field(nodes: AnyArray, displacements: AnyArray, *, n_nodes: int) -> Float32Array:

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from mixpinn.records import Prediction
 from mixpinn.serving.contact_source import SampleAddress, read_contacts, read_sample
-from mixpinn.serving.predictor import Predictor
+from mixpinn.serving.load import load_predictor
 
 
 def predict_stage(
@@ -26,9 +26,9 @@ def predict_stage(
     Example:
         >>> predict_stage("runs/model", "contacts.csv", "deformed.vtu")
     """
-    predictor = Predictor.load(model, threads=threads)
+    predictor = load_predictor(model, threads=threads)
     if isinstance(source, SampleAddress):
-        sample = read_sample(source, mesh_hash=predictor.graph.mesh_hash)
+        sample = read_sample(source, mesh_hash=predictor.mesh_hash)
         prediction = predictor.predict_at(
             sample.contact_nodes, sample.contact_displacement, reference=sample.displacement,
         )
