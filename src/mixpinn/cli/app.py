@@ -312,6 +312,33 @@ def ablate(
 
 
 @app.command()
+def profile(
+    meshes: Annotated[list[Path], typer.Argument(help="Folders that 'mixpinn mesh' wrote, or .vtu files, by name.")],
+    out: Out,
+    models: Annotated[list[str] | None, typer.Option("--model", help="Only this model; repeatable.")] = None,
+    width: Annotated[int | None, typer.Option(help="Channels a head.")] = None,
+    threads: Annotated[int | None, typer.Option(help="CPU threads of every method; 1 by default.")] = None,
+    repeats: Annotated[int | None, typer.Option(help="Predictions that are timed.")] = None,
+    probe: ProbeFile = None,
+    config: Config = None,
+    overrides: Set = None,
+) -> None:
+    """Run time of solver, prior and networks on each mesh: time, memory, growth; goes on where it was stopped."""
+    from mixpinn.pipeline import ProfileConfig, run_profile
+
+    settings = build_config(ProfileConfig, *_layers(
+        config, overrides, methods=models and tuple(models), hidden=width, threads=threads, repeats=repeats,
+        simulation={"probe": str(probe)} if probe else None,
+    ))
+    names = [path.stem if path.suffix == ".vtu" else path.name for path in meshes]
+    if len(set(names)) < len(names):
+        raise InputError(
+            "meshes", expected="folders or files of different names", got=", ".join(names), fix="rename one of them",
+        )
+    run_profile(dict(zip(names, map(_mesh, meshes), strict=True)), settings, out=out)
+
+
+@app.command()
 def predict(
     model: Annotated[Path, typer.Argument(help="Folder that 'mixpinn train' wrote.")],
     out: Annotated[Path, typer.Option("--out", "-o", help="Deformed mesh: .vtu, .stl or .ply.")],

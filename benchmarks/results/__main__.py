@@ -1,0 +1,77 @@
+"""``python -m benchmarks.results``: write docs/results.md, its pictures and the README's figures from finished runs.
+
+Every figure on the page is read from what a command has stored; none is typed. Each section keeps its figures in
+``docs/results/NAME.json``; a section whose run is not given is rendered from what an earlier command kept.
+"""
+
+import argparse
+from pathlib import Path
+
+from benchmarks.results.experiments import EXPERIMENTS
+from benchmarks.results.pipeline_run import DEMO, PATIENT1, short
+from benchmarks.results.profile import PROFILE
+from benchmarks.results.protocol import PROTOCOL
+from benchmarks.results.section import Section, store, stored
+from benchmarks.results.speed import SPEED
+from mixpinn.base.files import write_text
+from mixpinn.base.rundir import is_finished
+
+ROOT = Path(__file__).parents[2]
+SECTIONS: tuple[Section, ...] = (PATIENT1, DEMO, EXPERIMENTS, PROFILE, PROTOCOL, SPEED)
+"""In the order of the page."""
+
+
+def fill_readme(path: Path, sections: dict[str, str]) -> None:
+    """Replace what stands between the README's markers ``<!-- figures: NAME -->`` and ``<!-- end: NAME -->``."""
+    text = path.read_text()
+    for name, section in sections.items():
+        begin, end = f"<!-- figures: {name} -->", f"<!-- end: {name} -->"
+        before, _, rest = text.partition(begin)
+        _, _, after = rest.partition(end)
+        text = f"{before}{begin}\n{section}\n{end}{after}"
+    write_text(path, text)
+
+
+def page(folder: Path) -> str:
+    """The page from the stored figures of every section."""
+    kept = {section: stored(folder, section) for section in SECTIONS}
+    machines = dict.fromkeys(data["machine"] for data in kept.values() if data is not None)
+    return "\n".join([
+        "# Results\n",
+        f"Written by `python -m benchmarks.results` from finished runs. Machine: {'; '.join(machines)}, no GPU. Errors "
+        "are in millimetres, over the samples of probe positions that no model has seen; spread and intervals are "
+        "explained below each table.\n",
+        *(section.render(data) for section, data in kept.items() if data is not None),
+    ])
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Collect what is given, then write the page."""
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.results", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    for section in SECTIONS:
+        parser.add_argument(
+            f"--{section.name}", metavar=section.metavar, help=section.help,
+            type=str if section.several else Path, action="append" if section.several else "store",
+        )
+    parser.add_argument("--out", type=Path, default=ROOT / "docs" / "results.md")
+    parser.add_argument("--readme", type=Path, default=ROOT / "README.md")
+    options = parser.parse_args(arguments)
+    folder, images = options.out.with_suffix(""), options.out.parent / "images"
+    for section in SECTIONS:
+        given = getattr(options, section.name)
+        if given is None and section.default is not None and is_finished(section.default):
+            given = section.default
+        if given is not None:
+            store(folder, section, given, images)
+    write_text(options.out, page(folder))
+    runs = {section.name: (stored(folder, section), f"make {section.name}") for section in (DEMO, PATIENT1)}
+    fill_readme(options.readme, {
+        name: short(data, command=command) for name, (data, command) in runs.items() if data is not None
+    })
+    print(options.out)
+
+
+if __name__ == "__main__":
+    main()

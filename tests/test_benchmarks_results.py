@@ -1,0 +1,82 @@
+"""The page of results: sections that are not given keep what an earlier command stored."""
+
+import json
+
+import pytest
+
+from benchmarks.results import __main__ as results
+from benchmarks.results.experiments import render
+from benchmarks.results.section import Section, table
+
+README = "before\n<!-- figures: demo -->\nold\n<!-- end: demo -->\nafter\n"
+
+
+@pytest.fixture
+def sections(monkeypatch):
+    def collect(run, images):
+        (images / "seen.txt").write_text(str(run)) if images.exists() else None
+        return {"figure": float(run.read_text())}
+
+    made = tuple(
+        Section(name, collect, lambda data, name=name: f"## {name}\n\n{data['figure']:.2f}\n")
+        for name in ("first", "second")
+    )
+    monkeypatch.setattr(results, "SECTIONS", made)
+    return made
+
+
+@pytest.fixture
+def words(tmp_path):
+    (tmp_path / "README.md").write_text(README)
+    return ["--out", str(tmp_path / "docs" / "page.md"), "--readme", str(tmp_path / "README.md")]
+
+
+def test_sections_keep_what_an_earlier_command_stored(sections, words, tmp_path):
+    for value, names in (("1", ("first",)), ("2", ("second",)), ("3", ("first",))):
+        (tmp_path / "run").write_text(value)
+        results.main([*words, *(part for name in names for part in (f"--{name}", str(tmp_path / "run")))])
+    text = (tmp_path / "docs" / "page.md").read_text()
+    assert "## first\n\n3.00\n" in text
+    assert "## second\n\n2.00\n" in text
+    assert text.index("## first") < text.index("## second")
+    stored = json.loads((tmp_path / "docs" / "page" / "second.json").read_text())
+    assert (stored["section"], stored["figure"]) == ("second", 2.0)
+    assert stored["machine"].endswith("cores")
+
+
+def test_sections_without_figures_are_left_out(sections, words, tmp_path):
+    (tmp_path / "run").write_text("1")
+    results.main([*words, "--second", str(tmp_path / "run")])
+    assert "## first" not in (tmp_path / "docs" / "page.md").read_text()
+
+
+def test_readme_is_changed_between_its_markers_alone(tmp_path):
+    (tmp_path / "README.md").write_text(README)
+    results.fill_readme(tmp_path / "README.md", {"demo": "new"})
+    assert (tmp_path / "README.md").read_text() == README.replace("old", "new")
+
+
+def test_tables_align_figures_to_the_right():
+    assert table(("A", "B"), [("x", 1)]) == "| A | B |\n| --- | ---: |\n| x | 1 |\n"
+
+
+def test_claims_are_told_in_words_that_follow_from_their_table():
+    claims = {
+        "title": "The paper's claims", "note": "",
+        "columns": ["Claim", "Rows", "Without [mm]", "With [mm]", "Ratio", "Ratio (paper)", "Shown"],
+        "rows": [
+            ["VN lowers rigid MEE", "2 → 10", 0.4, 0.2, 2.0, 2.1, "yes"],
+            ["VN lowers rigid MEE", "3 → 5", 0.4, 0.4, 1.0, 1.9, "no"],
+            ["REL lowers REE", "2 → 9", 0.2, 0.3, 0.67, 1.2, "no"],
+            ["PhysGNN is last", "PhysGNN against Row 2", 0.6, 0.4, 1.5, 1.9, "yes"],
+        ],
+    }
+    text = render({
+        "run": "2026-01-01", "machine": "a machine", "protocol": "A protocol.", "tables": [claims], "pictures": [],
+        "further": {"Twice the budget": {"protocol": "Another protocol.", "tables": [claims]}},
+    })
+    assert "*VN lowers rigid MEE*: shows in part (1 of 2 comparisons; ratios 2.00, 1.00)" in text
+    assert "*REL lowers REE*: does not show (0 of 1 comparisons; ratios 0.67)" in text
+    assert "*PhysGNN is last*: shows (1 of 1 comparisons; ratios 1.50)" in text
+    assert "#### Twice the budget\n\nAnother protocol." in text
+    assert text.count("| REL lowers REE | 2 → 9 |") == 2
