@@ -59,8 +59,8 @@ def checks(options: argparse.Namespace) -> dict[str, Callable[[], Section]]:
         "sofa_imposed": lambda: sofa_imposed.run(pictures, cache=cache / "imposed", full=options.full),
         "sofa_contact": lambda: sofa_contact.run(pictures, cache=cache / "contact"),
         "sofa_transient": lambda: sofa_transient.run(pictures, cache=cache / "contact", imposed=cache / "imposed"),
-        "protocol": lambda: protocol.run(options.summary),
-        "own_mesh": lambda: protocol.run_own(options.own_summary),
+        "protocol": lambda: protocol.run(options.summary, pictures),
+        "own_mesh": lambda: protocol.run_own(options.own_summary, pictures),
         "scaling": lambda: scaling.run(pictures),
     }
 

@@ -1,5 +1,6 @@
 """The paper's whole protocol, from the summary and the store that the simulation left."""
 
+import shutil
 from collections import defaultdict
 from dataclasses import replace
 from pathlib import Path
@@ -7,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.validation.result import Result, Section
+from mixpinn.base.files import atomic_path
 from mixpinn.dataset import GenerationSummary, InvertedCell, SimulationStore, list_inverted
 
 POSES = 528
@@ -73,11 +75,23 @@ def inverted_rows(entries: tuple[InvertedCell, ...]) -> tuple[tuple[str, ...], .
     return tuple(rows) if len(rows) > 1 else ()
 
 
-def run(summary: Path | None) -> Section:
+def pose_map(summary: Path, folder: Path, name: str) -> str | None:
+    """The picture of the pose grid that lies beside the summary, copied as `folder`/`name`.png; its name."""
+    source = summary.parent / "poses.png"
+    if not source.is_file():
+        return None
+    folder.mkdir(parents=True, exist_ok=True)
+    with atomic_path(folder / f"{name}.png") as temporary:
+        shutil.copyfile(source, temporary)
+    return f"{name}.png"
+
+
+def run(summary: Path | None, folder: Path) -> Section:
     """The rows of the long run.
 
     Args:
         summary: ``summary.json`` of ``mixpinn simulate --protocol paper``, or None where there is no run.
+        folder: of the picture.
     """
     title = "The paper's protocol"
     if summary is None or not summary.is_file():
@@ -101,14 +115,16 @@ def run(summary: Path | None) -> Section:
     text = totals.markdown()
     if totals.inverted is not None:
         text += "\nNeither published energy forbids det F ≤ 0. " + inverted_text(totals.inverted)
-    return Section(title, text, tuple(results), table=inverted_rows(totals.inverted or ()))
+    picture = pose_map(summary, folder, "protocol")
+    return Section(title, text, tuple(results), picture, inverted_rows(totals.inverted or ()))
 
 
-def run_own(summary: Path | None) -> Section:
+def run_own(summary: Path | None, folder: Path) -> Section:
     """The same protocol on the project's own mesh.
 
     Args:
         summary: ``summary.json`` of ``mixpinn simulate`` on a mesh that ``mixpinn mesh`` made, or None.
+        folder: of the picture.
     """
     title = "The protocol on the own mesh"
     if summary is None or not summary.is_file():
@@ -131,4 +147,5 @@ def run_own(summary: Path | None) -> Section:
     )
     if totals.inverted is not None:
         text += "\n" + inverted_text(totals.inverted)
-    return Section(title, text, tuple(results), table=inverted_rows(totals.inverted or ()))
+    picture = pose_map(summary, folder, "own_mesh")
+    return Section(title, text, tuple(results), picture, inverted_rows(totals.inverted or ()))

@@ -1,4 +1,5 @@
 import importlib.util
+import sys
 
 import numpy as np
 import pytest
@@ -73,6 +74,14 @@ def test_symmetric_product_uses_both_triangles():
     upper, vectors = matrix(), np.random.default_rng(2).normal(size=(60, 2))
     np.testing.assert_allclose(symmetric_product(upper, vectors), full(upper) @ vectors, atol=1e-12)
     np.testing.assert_allclose(symmetric_product(upper, vectors[:, 0]), full(upper) @ vectors[:, 0], atol=1e-12)
+
+
+def test_fallback_where_mkl_is_absent(monkeypatch):
+    monkeypatch.setitem(sys.modules, "pypardiso", None)  # importing it fails
+    upper, solver = matrix(), default_solver(threads=1)
+    assert isinstance(solver, SuperLUSolver)
+    solver.factorize(upper)
+    np.testing.assert_allclose(symmetric_product(upper, solver.solve(np.ones(60))), 1.0, atol=1e-11)
 
 
 def test_default_solver_solves():

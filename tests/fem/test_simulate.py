@@ -95,6 +95,9 @@ def test_forces_balance_with_a_bone_inside() -> None:
     assert_allclose(simulation.probe_wrench[step, :3], -forces.sum(axis=0), atol=1e-6 * scale)
     assert_allclose(internal[BONY.fixed].sum(axis=0), simulation.probe_wrench[step, :3], atol=1e-4 * scale)
     assert np.abs(system.part_wrench(internal + external, state)[0, :3]).max() <= 1e-4 * scale
+    assert simulation.part_wrench is not None  # as recorded, from the configuration in double precision
+    assert np.abs(simulation.part_wrench[step, 0, :3]).max() <= 1e-7 * scale
+    assert np.abs(simulation.part_wrench[step, 0, 3:]).max() <= 1e-7 * scale * 10.0  # the bone's arm [mm]
     assert simulation.probe_wrench[step, 1] > 0.0
     tip = np.array([17.0, 28.0, 22.0])
     moment = np.cross(state.points[nodes] - tip, -forces).sum(axis=0)

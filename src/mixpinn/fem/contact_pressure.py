@@ -72,13 +72,15 @@ def contact_pressure(
 
 
 def contact_area(
-    mesh: TissueMesh, probe: Probe, simulation: Simulation, step: int, *, gap: float = 2.0, spacing: float = 0.5,
+    mesh: TissueMesh, probe: Probe, simulation: Simulation, step: int, *, gap: float = 2.0, slack: float = 0.1,
+    spacing: float = 0.5,
 ) -> float:
     """Area of the deformed skin on which the probe lies at a step [mm²].
 
     Contact acts at a distance, so that skin which touches lies within the gap of the probe's surface. The skin's
-    triangles are divided into pieces no longer than `spacing`, and those count whose centre does. The rim of the
-    contact is the probe's, widened by at most the gap, whatever the size of the skin's triangles.
+    triangles are divided into pieces no longer than `spacing`, and those count whose centre is no farther from the
+    probe than gap and slack. A coarse skin bridges hollows between the places where it touches: on it the area
+    grows with the slack, and only where the skin is fine enough to follow the probe does it not depend on it.
 
     Args:
         mesh: the mesh that was simulated.
@@ -86,6 +88,7 @@ def contact_area(
         simulation: of one pose.
         step: index of the step.
         gap: distance at which contact acts [mm], `ContactConfig.gap`.
+        slack: distance from the gap that still counts as contact [mm].
         spacing: length of the pieces [mm].
 
     Raises:
@@ -96,14 +99,15 @@ def contact_area(
         return 0.0
     corners = probe.points @ simulation.path.rotations[step].T + simulation.path.translations[step]
     skin = (mesh.points + simulation.displacement[step])[mesh.skin_faces]
-    low, high = corners.min(axis=0) - gap, corners.max(axis=0) + gap
+    reach = gap + slack
+    low, high = corners.min(axis=0) - reach, corners.max(axis=0) + reach
     near = ((skin.max(axis=1) >= low) & (skin.min(axis=1) <= high)).all(axis=1)
     surface, area = Triangulation.build(probe.triangles, len(corners)), 0.0
     for triangle in skin[near]:
         edges = np.roll(triangle, -1, axis=0) - triangle
         n = max(1, int(np.ceil(np.linalg.norm(edges, axis=1).max() / spacing)))
         centres = _piece_centres(n) @ triangle
-        touching = np.unique(proximity(centres, corners, surface, cutoff=gap).point)
+        touching = np.unique(proximity(centres, corners, surface, cutoff=reach).point)
         area += 0.5 * float(np.linalg.norm(np.cross(edges[0], edges[1]))) * len(touching) / n**2
     return area
 

@@ -199,7 +199,7 @@ class _Recorder:
         self.displacement = np.zeros((n_steps, n, 3), dtype=np.float32)
         self.wrench = np.zeros((n_steps, 6))
         self.rotation = np.tile(np.eye(3), (n_steps, k, 1, 1))
-        self.translation = np.zeros((n_steps, k, 3))
+        self.translation, self.part_wrench = np.zeros((n_steps, k, 3)), np.full((n_steps, k, 6), np.nan)
         self.scalars = {
             name: np.full(n_steps, fill) for name, fill in (
                 ("residual", np.nan), ("energy", np.nan), ("min_jacobian", np.nan), ("penetration", np.nan),
@@ -221,6 +221,7 @@ class _Recorder:
         self.wrench[step, :3] = at.external.sum(axis=0)
         self.wrench[step, 3:] = np.cross(points - pose.translation, at.external).sum(axis=0)
         self.rotation[step], self.translation[step] = at.state.rotation, at.state.translation
+        self.part_wrench[step] = -self.system.part_wrench(at.internal + at.external, at.state)
         self.scalars["residual"][step] = residual
         self.scalars["energy"][step] = self.system.energy(at.state)
         self.scalars["min_jacobian"][step] = self.system.min_jacobian(at.state)
@@ -248,5 +249,5 @@ class _Recorder:
             contact_nodes=np.concatenate([*self.nodes, np.empty(0, dtype=np.int64)]),
             contact_forces=np.concatenate([*self.forces, np.empty((0, 3))]), probe_wrench=self.wrench,
             part_rotation=self.rotation, part_translation=self.translation, converged=self.converged,
-            iterations=self.iterations, **self.scalars,
+            iterations=self.iterations, part_wrench=self.part_wrench, **self.scalars,
         )

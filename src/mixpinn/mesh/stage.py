@@ -12,6 +12,7 @@ from mixpinn.base.progress import console, progress_bar
 from mixpinn.base.rundir import finish_run, is_finished, start_run
 from mixpinn.mesh.cgal_mesher import CgalMesher
 from mixpinn.mesh.check_surface import check_surfaces
+from mixpinn.mesh.ears import peel_flat_ears
 from mixpinn.mesh.extract import SurfaceConfig, extract_surfaces
 from mixpinn.mesh.fidelity import MeshFidelity, mesh_fidelity
 from mixpinn.mesh.import_vtu import import_vtu
@@ -143,7 +144,7 @@ def _build(source: LabelMap | DomainSurfaces | Path | str, config: MeshConfig) -
     else:
         surfaces = _announce("check of the surfaces", lambda: check_surfaces(source))
     points, cells = _announce(f"tetrahedra ({mesher.name})", lambda: mesher.fill(surfaces, sizing))
-    return label_mesh(points, cells, surfaces, label_map=label_map), label_map
+    return peel_flat_ears(label_mesh(points, cells, surfaces, label_map=label_map)), label_map
 
 
 def _measure(mesh: TissueMesh, label_map: LabelMap | None) -> MeshResult:

@@ -35,6 +35,8 @@ class Simulation:
         min_jacobian: smallest det F over the cells, shape (s,).
         penetration: largest violation of the contact gap [mm], shape (s,).
         seconds: wall time of the step [s], shape (s,).
+        part_wrench: force [N] and moment about the centroid [N mm] that are left unbalanced on each rigid part, shape
+            (s, K, 6); None in stores that do not have it.
     """
 
     mesh_hash: str
@@ -55,6 +57,7 @@ class Simulation:
     min_jacobian: FloatArray
     penetration: FloatArray
     seconds: FloatArray
+    part_wrench: FloatArray | None = None
 
     @property
     def n_steps(self) -> int:
