@@ -387,6 +387,32 @@ def demo(out: Out = Path("runs/demo"), overrides: Set = None, threads: Threads =
     run_pipeline(build_config(RunConfig, asdict(DEMO), *_layers(None, overrides)), out=out, threads=threads)
 
 
+@app.command()
+def onboard(
+    source: Annotated[str, typer.Argument(help="Folder of NIfTIs, one multi-label NIfTI, or 'phantom'.")],
+    out: Out,
+    poses: Annotated[int | None, typer.Option(help="Poses to simulate and learn from; 0 stops at the prior.")] = None,
+    probe: ProbeFile = None,
+    size: Annotated[float | None, typer.Option(help="Mesh size: 1 is the paper's, larger is coarser.")] = None,
+    workers: Annotated[int | None, typer.Option(help="Processes; every core by default.")] = None,
+    pictures: Annotated[bool, typer.Option(help="Render the deformed mesh.")] = True,
+    config: Config = None,
+    overrides: Set = None,
+) -> None:
+    """Label maps → a predictor bundle, usable after the prior and better after each round of poses; with a report."""
+    from mixpinn.pipeline import OnboardingConfig, onboard
+
+    kind = "phantom" if source == "phantom" else "folder" if Path(source).is_dir() else "multilabel"
+    anatomy: dict[str, Any] = {"source": kind, "path": None if kind == "phantom" else source}
+    simulation = {"probe": probe and str(probe), "workers": workers}
+    settings = build_config(OnboardingConfig, *_layers(
+        config, overrides, poses=poses, pictures=None if pictures else False,
+        anatomy={**anatomy, "repair": kind != "phantom"}, mesh={"size": size} if size else None,
+        simulation={key: value for key, value in simulation.items() if value is not None} or None,
+    ))
+    console.print(f"Predictor: {onboard(settings, out=out)}")
+
+
 @export_app.command("sofa")
 def export_sofa(
     source: MeshSource,

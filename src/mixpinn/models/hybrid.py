@@ -84,6 +84,14 @@ class HybridModel:
         """The linear response."""
         return self.newton.prior
 
+    @staticmethod
+    def of_prior(prior: ElasticPrior, equilibrium: Equilibrium) -> "HybridModel":
+        """The prior alone: no modes, nothing fitted yet."""
+        nothing = np.zeros((0, prior.coordinates.size), np.float32)
+        none = np.zeros((0, len(prior.compliance)), np.float32)
+        newton = ModalNewton(prior, equilibrium, nothing, nothing, none)
+        return HybridModel(newton, none, np.zeros((0, 0), np.float32), name=prior.name)
+
     def solve(self, nodes: AnyArray, displacement: AnyArray) -> HybridState:
         """Predict the reduced unknowns.
 
@@ -98,7 +106,7 @@ class HybridModel:
         force = contact.solve(np.asarray(displacement).ravel())
         response = self.prior.respond_to_forces(contact, force)
         coordinates = self.readers[:, contact.rows] @ force.astype(np.float32)
-        step = self.newton.step(response, contact)
+        step = self.newton.step(response, contact) if len(self.newton.modes) else np.zeros(0, np.float32)
         correction = features(step, coordinates) @ self.gain
         unknowns = self.newton.add_modes(correction, response)
         return HybridState(contact, response, force, unknowns, step, correction, coordinates)

@@ -6,6 +6,7 @@ from mixpinn.pipeline.config import RunConfig
 from mixpinn.pipeline.demo import DEMO
 from mixpinn.pipeline.evaluation_stage import Background, EvaluationConfig, evaluate_models
 from mixpinn.pipeline.hybrid_stage import HybridStageConfig, make_hybrid
+from mixpinn.pipeline.onboarding import OnboardingConfig, onboard
 from mixpinn.pipeline.profile import METHODS, ProfileConfig, run_profile
 from mixpinn.pipeline.profile_measure import Timing
 from mixpinn.pipeline.run import run_pipeline
@@ -22,8 +23,8 @@ from mixpinn.pipeline.training_stage import HYBRID, ModelsConfig, SplitConfig, l
 
 __all__ = [
     "ABLATION_RUNS", "DEMO", "HYBRID", "METHODS", "PAPER_TISSUE_CONFIG", "ROWS", "AblationConfig", "Background",
-    "EvaluationConfig", "HybridStageConfig", "ModelsConfig", "OtherProbe", "ProfileConfig", "RunConfig",
-    "SimulationConfig", "SplitConfig", "Timing", "TissueConfig", "evaluate_models", "export_sofa",
+    "EvaluationConfig", "HybridStageConfig", "ModelsConfig", "OnboardingConfig", "OtherProbe", "ProfileConfig",
+    "RunConfig", "SimulationConfig", "SplitConfig", "Timing", "TissueConfig", "evaluate_models", "export_sofa",
     "fidelity_table", "findings_table", "import_sofa_recordings", "load_samples", "make_hybrid", "make_scene",
-    "make_simulations", "quality_table", "run_ablation", "run_pipeline", "run_profile", "train_model",
+    "make_simulations", "onboard", "quality_table", "run_ablation", "run_pipeline", "run_profile", "train_model",
 ]

@@ -17,6 +17,8 @@ from mixpinn.pipeline.training_stage import choose_samples
 from mixpinn.records import SampleTable, TissueMesh
 from mixpinn.training.hybrid import HybridConfig, fit_hybrid
 
+SPLIT_FILE = "split.json"
+
 
 @dataclass(frozen=True)
 class HybridStageConfig:
@@ -68,7 +70,13 @@ def make_hybrid(
         prior, mesh_materials(mesh, config.tissues, config.tissue), table.select(samples.train),
         table.select(samples.validation), config.hybrid,
     )
-    mesh.save(out / MESH_FILE)
-    model.save(out)
+    split.save(out / SPLIT_FILE)
+    save_bundle(model, out)
     finish_run(out, {"model": model.about})
     return model
+
+
+def save_bundle(model: HybridModel, out: Path) -> None:
+    """Write all that `mixpinn.serving` needs: the mesh, the prior, the correction and its calibration."""
+    model.mesh.save(out / MESH_FILE)
+    model.save(out)

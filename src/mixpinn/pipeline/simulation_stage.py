@@ -136,21 +136,12 @@ def plan(mesh: TissueMesh, config: SimulationConfig, probe: Probe) -> tuple[Floa
     return positions, plan_poses(positions, config.protocol, mesh=mesh, probe=probe, gap=config.contact.gap)
 
 
-def make_simulations(
-    mesh: TissueMesh, config: SimulationConfig, *, out: Path | str, scheduler: str | None = None,
-) -> tuple[SimulationStore, GenerationSummary]:
-    """Simulate every pose of the protocol into the run directory `out`; finished poses are kept.
-
-    Args:
-        mesh: the mesh.
-        config: what is simulated.
-        out: run directory: ``store/``, ``summary.json``, ``poses.png``.
-        scheduler: address of a Dask scheduler whose workers are used instead of this machine's cores.
+def begin_simulations(mesh: TissueMesh, config: SimulationConfig, *, out: Path) -> tuple[Scene, SimulationStore]:
+    """Open the run directory `out`: the scene, and the store that its poses go to.
 
     Raises:
-        InputError: bad settings, a probe that starts inside the body, or `out` holds another run.
+        InputError: bad settings, or `out` holds another run.
     """
-    out = Path(out)
     scene = make_scene(mesh, config)
     inputs = {name: path for name, path in (("probe", config.probe), ("positions", config.positions)) if path}
     settings = asdict(config)
@@ -170,6 +161,25 @@ def make_simulations(
         store = SimulationStore.create(
             out / STORE, mesh, protocol=config.protocol, positions=positions, poses=poses, scene=scene_identity(scene),
         )
+    return scene, store
+
+
+def make_simulations(
+    mesh: TissueMesh, config: SimulationConfig, *, out: Path | str, scheduler: str | None = None,
+) -> tuple[SimulationStore, GenerationSummary]:
+    """Simulate every pose of the protocol into the run directory `out`; finished poses are kept.
+
+    Args:
+        mesh: the mesh.
+        config: what is simulated.
+        out: run directory: ``store/``, ``summary.json``, ``poses.png``.
+        scheduler: address of a Dask scheduler whose workers are used instead of this machine's cores.
+
+    Raises:
+        InputError: bad settings, a probe that starts inside the body, or `out` holds another run.
+    """
+    out = Path(out)
+    scene, store = begin_simulations(mesh, config, out=out)
     summary = generate(
         scene, store.poses, store, workers=config.workers or os.cpu_count() or 1, threads=scene.solver.threads or 1,
         scheduler=scheduler,

@@ -1,0 +1,49 @@
+"""What onboarding reached when: a page of a few lines and a plot."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from matplotlib.figure import Figure
+
+from mixpinn.base.files import atomic_path
+
+
+def rounds_report(rounds: Sequence[Mapping[str, Any]], *, mesh_nodes: int) -> str:
+    """Markdown: when the predictor became usable, and its error on each round's poses before it learned from them."""
+    prior = next((entry for entry in rounds if entry["stage"] == "prior"), None)
+    lines = [f"# A predictor for one anatomy\n\nMesh of {mesh_nodes:,} nodes.\n"]
+    if prior is not None:
+        lines.append(
+            f"The elastic prior could be used {prior['minutes']:.1f} minutes after the start, "
+            f"{prior['after_labels']:.0f} s after the label maps were read.\n"
+        )
+    learned = [entry for entry in rounds if "model_mee" in entry]
+    if learned:
+        lines += [
+            "Each round's poses are predicted before anything is learned from them. Mean errors in mm.\n",
+            "| After | New poses | Samples | No motion | Elastic prior | Predictor so far | Minutes |",
+            "| --- | ---: | ---: | ---: | ---: | ---: | ---: |",
+            *(
+                f"| {entry['stage']} | {entry['poses']} | {entry['samples']} | {entry['no_motion']:.3f} | "
+                f"{entry['prior_mee']:.4f} | {entry['model_mee']:.4f} | {entry['minutes']:.1f} |" for entry in learned
+            ),
+            "",
+        ]
+    return "\n".join(lines)
+
+
+def draw_rounds(rounds: Sequence[Mapping[str, Any]], path: Path | str) -> None:
+    """Plot the error on new poses against the wall time; nothing where no round was simulated."""
+    learned = [entry for entry in rounds if "model_mee" in entry]
+    if not learned:
+        return
+    figure = Figure(figsize=(6.0, 3.6), layout="constrained")
+    axes = figure.subplots()
+    minutes = [entry["minutes"] for entry in learned]
+    axes.plot(minutes, [entry["prior_mee"] for entry in learned], "o--", color="grey", label="elastic prior")
+    axes.plot(minutes, [entry["model_mee"] for entry in learned], "o-", color="C0", label="predictor so far")
+    axes.set(xlabel="wall time [min]", ylabel="mean error on new poses [mm]", ylim=(0.0, None))
+    axes.legend(frameon=False)
+    with atomic_path(path) as temporary:
+        figure.savefig(temporary, dpi=150, format="png")

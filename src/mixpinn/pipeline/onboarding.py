@@ -1,0 +1,201 @@
+"""Onboarding: from label maps to a predictor that is usable after the prior and better after each round of poses."""
+
+import os
+import time
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mixpinn.anatomy import AnatomyConfig, make_anatomy
+from mixpinn.base.errors import InputError
+from mixpinn.base.files import read_json, write_json, write_text
+from mixpinn.base.progress import console
+from mixpinn.base.rundir import finish_run, start_run
+from mixpinn.dataset import SimulationStore, Split, build_sample_table, farthest_first, generate
+from mixpinn.evaluation import evaluate
+from mixpinn.evaluation.onboarding_report import draw_rounds, rounds_report
+from mixpinn.fem import Scene
+from mixpinn.mesh import MeshConfig, make_mesh
+from mixpinn.models.equilibrium import Equilibrium
+from mixpinn.models.hybrid import HybridModel
+from mixpinn.models.prior import ElasticPrior
+from mixpinn.pipeline.evaluation_stage import Background, EvaluationConfig, evaluate_models
+from mixpinn.pipeline.hybrid_stage import SPLIT_FILE, mesh_materials, save_bundle
+from mixpinn.pipeline.simulation_stage import SimulationConfig, begin_simulations
+from mixpinn.records import SampleTable, TissueMesh
+from mixpinn.training.hybrid import HybridConfig, fit_hybrid
+
+BUNDLE = "bundle"
+_ROUNDS = "rounds.json"
+
+
+@dataclass(frozen=True)
+class OnboardingConfig:
+    """From label maps to a predictor.
+
+    Attributes:
+        anatomy: label maps.
+        mesh: tetrahedra.
+        simulation: mechanics, probe, and the poses to choose from.
+        hybrid: modes and regression.
+        poses: how many poses are simulated in all; 0 stops at the prior.
+        first_round: poses of the first round; each further round doubles the number of poses.
+        pictures: render the last round's typical prediction.
+    """
+
+    anatomy: AnatomyConfig = field(default_factory=AnatomyConfig)
+    mesh: MeshConfig = field(default_factory=MeshConfig)
+    simulation: SimulationConfig = field(default_factory=SimulationConfig)
+    hybrid: HybridConfig = field(default_factory=HybridConfig)
+    poses: int = 32
+    first_round: int = 8
+    pictures: bool = True
+
+    def __post_init__(self) -> None:
+        for name, least in (("poses", 0), ("first_round", 4)):
+            if getattr(self, name) < least:
+                raise InputError(
+                    name, expected=f"at least {least}", got=str(getattr(self, name)), fix="correct the setting",
+                )
+
+
+def onboard(config: OnboardingConfig, *, out: Path | str) -> Path:
+    """Make a predictor for one anatomy; the same call goes on where it was stopped.
+
+    ``bundle/`` can be loaded as soon as the prior is there and is replaced after every round. A round's poses are
+    those farthest from all before; the model predicts them before it learns from them, so that each round is a test
+    on poses never seen. The last round stays out of the fit and is what the report shows.
+
+    Args:
+        config: what is done.
+        out: run directory: ``anatomy/``, ``mesh/``, ``simulation/``, ``bundle/``, ``evaluation/``, ``rounds.json``,
+            ``onboarding.md`` and ``.png``.
+
+    Returns:
+        Folder of the bundle.
+
+    Raises:
+        InputError: bad input, or `out` holds another run.
+    """
+    out = Path(out)
+    settings = asdict(config)
+    for later in ("poses", "pictures"):  # decide how far, not what
+        del settings[later]
+    start_run(out, "onboard", settings)
+    clock = _Clock(out / _ROUNDS)
+    label_map = make_anatomy(config.anatomy, out=out / "anatomy").label_map
+    read = clock.seconds()
+    mesh = make_mesh(label_map, config.mesh, out=out / "mesh").mesh
+    model = _prior_bundle(mesh, config, out / BUNDLE)
+    clock.note({"stage": "prior", "minutes": clock.seconds() / 60.0, "after_labels": clock.seconds() - read})
+    console.print(f"The elastic prior is ready: {out / BUNDLE} can be used; simulations make it better.")
+    if config.poses:
+        _learn(model, mesh, config, clock, out)
+    write_text(out / "onboarding.md", rounds_report(clock.rounds, mesh_nodes=mesh.n_points))
+    draw_rounds(clock.rounds, out / "onboarding.png")
+    finish_run(out, {"rounds": clock.rounds})
+    return out / BUNDLE
+
+
+def _prior_bundle(mesh: TissueMesh, config: OnboardingConfig, bundle: Path) -> HybridModel:
+    materials = mesh_materials(mesh, config.simulation.tissues, config.simulation.tissue)
+    model = HybridModel.of_prior(
+        ElasticPrior.build(mesh, materials), Equilibrium.of_materials(mesh, materials),
+    )
+    if not (bundle / "hybrid.json").exists():
+        save_bundle(model, bundle)
+    return model
+
+
+def _learn(model: HybridModel, mesh: TissueMesh, config: OnboardingConfig, clock: "_Clock", out: Path) -> None:
+    """Rounds of simulation, test and fit."""
+    scene, store = begin_simulations(mesh, config.simulation, out=out / "simulation")
+    ordered = farthest_first(store.poses)[: config.poses]
+    ends = [config.first_round]
+    while ends[-1] < len(ordered):
+        ends.append(2 * ends[-1])
+    seen = 0
+    for end in (min(end, len(ordered)) for end in ends):
+        _simulate(scene, store, ordered[seen:end], config)
+        table = _samples_of(build_sample_table(store), ordered[seen:end])
+        entry: dict[str, Any] = {"stage": f"{end} poses", "poses": end - seen, "samples": len(table)}
+        for name, candidate in (("prior", model.prior), ("model", model)):
+            found = evaluate(candidate, table, mesh, split=f"poses {seen + 1} to {end}")
+            entry[f"{name}_mee"] = float(found.metrics["mee"].mean())
+        entry["no_motion"] = float(found.metrics["mean_displacement"].mean())
+        if end < len(ordered):
+            model = _fit(model, build_sample_table(store), ordered[:end], config)
+            save_bundle(model, out / BUNDLE)
+        clock.note({**entry, "minutes": clock.seconds() / 60.0})
+        console.print(
+            f"{end} poses: the {end - seen} new ones are predicted to {entry['model_mee']:.3f} mm (prior "
+            f"{entry['prior_mee']:.3f} mm, no motion {entry['no_motion']:.2f} mm)."
+        )
+        if end == len(ordered):
+            _report(store, table, config, out)
+        seen = end
+
+
+def _simulate(scene: Scene, store: SimulationStore, poses: Any, config: OnboardingConfig) -> None:
+    workers = config.simulation.workers or os.cpu_count() or 1
+    generate(scene, poses, store, workers=workers, threads=scene.solver.threads or 1)
+
+
+def _samples_of(table: SampleTable, poses: Any) -> SampleTable:
+    """The samples of some poses."""
+    wanted = {(pose.position_index, pose.rotation_deg) for pose in poses}
+    return table.select(np.array([
+        (int(position), float(turn)) in wanted
+        for position, turn in zip(table.position_index, table.rotation_deg, strict=True)
+    ], dtype=bool))
+
+
+def _fit(model: HybridModel, table: SampleTable, poses: Any, config: OnboardingConfig) -> HybridModel:
+    """Fit on these poses, every fourth of them kept for calibration."""
+    materials = mesh_materials(model.mesh, config.simulation.tissues, config.simulation.tissue)
+    held = [pose for index, pose in enumerate(poses) if index % 4 == 3]
+    fitted = [pose for index, pose in enumerate(poses) if index % 4 != 3]
+    prior = model.prior
+    missing = np.setdiff1d(table.contact_nodes, prior.nodes)
+    if len(missing):
+        prior = ElasticPrior.build(model.mesh, materials, nodes=np.union1d(prior.nodes, missing))
+    return fit_hybrid(prior, materials, _samples_of(table, fitted), _samples_of(table, held), config.hybrid)
+
+
+def _report(store: SimulationStore, last: SampleTable, config: OnboardingConfig, out: Path) -> None:
+    """Pictures and tables of the bundle on the last round, whose poses it has not been fitted on."""
+    positions = np.unique(last.position_index)
+    others = np.setdiff1d(np.arange(len(store.positions)), positions)
+    split = Split("last round", others, np.empty(0, dtype=np.int64), positions)
+    split.save(out / BUNDLE / SPLIT_FILE)
+    _, page = evaluate_models(
+        [out / BUNDLE], store, last, split, EvaluationConfig(pictures=config.pictures), out=out / "evaluation",
+        background=Background(
+            title="A predictor for one anatomy", simulation=config.simulation,
+            introduction="The elastic prior of this anatomy with a correction learned from simulated poses, tested on "
+                         "the poses of the last round, which it was not fitted on.",
+        ),
+    )
+    console.print(f"Report: {page}")
+
+
+class _Clock:
+    """Wall time over all sessions, and what was reached when."""
+
+    def __init__(self, file: Path) -> None:
+        self.file, self._began = file, time.perf_counter()
+        kept = read_json(file) if file.exists() else {"seconds": 0.0, "rounds": []}
+        self._before: float = kept["seconds"]
+        self.rounds: list[dict[str, Any]] = kept["rounds"]
+
+    def seconds(self) -> float:
+        """Since the first session began, pauses not counted [s]."""
+        return self._before + time.perf_counter() - self._began
+
+    def note(self, entry: dict[str, Any]) -> None:
+        """Keep an entry; one of an earlier session for the same stage stands."""
+        if all(entry["stage"] != known["stage"] for known in self.rounds):
+            self.rounds.append(entry)
+        write_json(self.file, {"seconds": self.seconds(), "rounds": self.rounds})
