@@ -51,8 +51,8 @@ class ErrorEstimate:
         factor: quantile of e / ê that the bound uses.
         level: its probability.
         spread: inverse covariance of the training samples' coordinates, shape (k, k).
-        farthest: largest distance of a training sample from their mean zero in this metric; beyond it an input is
-            outside of what the model has seen.
+        farthest: how far from zero training samples reach in this metric; beyond it an input is outside of what the
+            model has seen.
     """
 
     coefficients: FloatArray
@@ -98,11 +98,16 @@ class ErrorEstimate:
         # The quantile of a finite sample, with the margin of conformal prediction.
         rank = min(1.0, np.ceil((len(ratio) + 1) * level) / len(ratio))
         trained = np.asarray(training_coordinates, dtype=np.float64)
-        covariance = trained.T @ trained / len(trained)
-        spread = np.linalg.inv(covariance + 1e-9 * np.trace(covariance) * np.eye(len(covariance)))
+        count, size = trained.shape
+        covariance = trained.T @ trained / count
+        # Few samples do not span their coordinates: shrink towards a sphere, and leave room for what they have missed.
+        share = size / (count + size)
+        shrunk = (1.0 - share) * covariance + (share * np.trace(covariance) / size + 1e-30) * np.eye(size)
+        spread = np.linalg.inv(shrunk)
         distance = np.sqrt(np.einsum("ti,ij,tj->t", trained, spread, trained))
+        farthest = float(distance.max()) * (1.0 + size / count)
         return ErrorEstimate(
-            coefficients, float(np.quantile(ratio, rank)), level, spread, float(distance.max()),
+            coefficients, float(np.quantile(ratio, rank)), level, spread, farthest,
         )
 
     def as_dict(self) -> dict[str, Any]:

@@ -39,7 +39,7 @@ class HybridState:
         contact: the contact nodes that are held.
         response: q⁰ [mm, rad], shape (D,).
         force: of the prior on the contact nodes [N], shape (3 l,).
-        unknowns: q [mm, rad], shape (D,).
+        unknowns: q, with the contact nodes where they were put [mm, rad], shape (D,).
         step: ν, shape (m,).
         correction: z, shape (m,).
         coordinates: a, shape (k,).
@@ -109,6 +109,7 @@ class HybridModel:
         step = self.newton.step(response, contact) if len(self.newton.modes) else np.zeros(0, np.float32)
         correction = features(step, coordinates) @ self.gain
         unknowns = self.newton.add_modes(correction, response)
+        unknowns[contact.unknowns] = np.asarray(displacement, dtype=np.float32).ravel()
         return HybridState(contact, response, force, unknowns, step, correction, coordinates)
 
     def predict(self, contact_displacement: AnyArray) -> Float32Array:
@@ -116,13 +117,11 @@ class HybridModel:
         nodes = contact_nodes(contact_displacement)
         if not len(nodes):
             return np.zeros((self.mesh.n_points, 3), dtype=np.float32)
-        return self.expand(self.solve(nodes, contact_displacement[nodes]), nodes, contact_displacement[nodes])
+        return self.expand(self.solve(nodes, contact_displacement[nodes]))
 
-    def expand(self, state: HybridState, nodes: AnyArray, displacement: AnyArray) -> Float32Array:
-        """The field of a state [mm], shape (n, 3); contact nodes (l,) are where `displacement` (l, 3) puts them."""
-        moved = self.prior.expand(state.unknowns)
-        moved[nodes] = displacement
-        return moved
+    def expand(self, state: HybridState) -> Float32Array:
+        """The field of a state [mm], float32, shape (n, 3)."""
+        return self.prior.expand(state.unknowns)
 
     def signs(self, state: HybridState) -> Signs:
         """What the error of a prediction shows in; costs one more evaluation of the equilibrium."""

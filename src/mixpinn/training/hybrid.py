@@ -257,7 +257,7 @@ def error_signs(model: HybridModel, table: SampleTable) -> tuple[list[Signs], Fl
     for index in track(range(len(table)), "error estimate"):
         sample = table[index]
         state = model.solve(sample.contact_nodes, sample.contact_displacement)
-        moved = model.expand(state, sample.contact_nodes, sample.contact_displacement)
+        moved = model.expand(state)
         errors[index] = np.linalg.norm(moved - sample.displacement, axis=1).mean()
         signs.append(model.signs(state))
     return signs, errors

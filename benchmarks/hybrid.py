@@ -1,0 +1,62 @@
+"""The hybrid model's bars: errors on the test positions of its own simulations, latency, and the pose alone.
+
+``python -m benchmarks.hybrid BUNDLE`` reads the store and the split that the bundle was made from (or ``--store``),
+predicts every test sample and prints the errors of prior and hybrid model and, as its last line, a JSON object. Latency
+is the wall time of one prediction, warm, from the field of contact displacements to the field of all displacements.
+"""
+
+import argparse
+import json
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+_parser = argparse.ArgumentParser(prog="python -m benchmarks.hybrid", description=__doc__)
+_parser.add_argument("bundle", type=Path)
+_parser.add_argument("--store", type=Path, help="simulations, where they have moved")
+_parser.add_argument("--threads", type=int, default=2)
+
+
+def measure(bundle: Path, store: Path | None, threads: int) -> dict[str, Any]:
+    """All figures of one bundle."""
+    import numpy as np
+
+    from mixpinn.base.files import read_json
+    from mixpinn.dataset import SimulationStore, Split, build_sample_table
+    from mixpinn.evaluation import evaluate
+    from mixpinn.serving import HybridPredictor
+
+    opened = SimulationStore.open(store or Path(read_json(bundle / "run.json")["input_paths"]["store"]).parent)
+    split = Split.load(bundle / "split.json")
+    table = build_sample_table(opened).at_positions(split.test)
+    predictor = HybridPredictor.load(bundle, threads=threads)
+    prior = evaluate(predictor.model.prior, table, predictor.mesh, split="test", warm_up=20)
+    hybrid = evaluate(predictor, table, predictor.mesh, split="test", warm_up=20)
+    for found in (prior, hybrid):
+        mee = found.metrics["mee"]
+        print(
+            f"{found.model}: MEE {mee.mean():.4f} mm, 95th percentile {np.quantile(mee, 0.95):.4f}, worst "
+            f"{mee.max():.4f}; median {1e3 * np.median(found.seconds):.2f} ms"
+        )
+    mee, milliseconds = hybrid.metrics["mee"], 1e3 * hybrid.seconds
+    return {
+        "samples": len(table), "mee": float(mee.mean()), "rigid_mee": float(hybrid.metrics["rigid_mee"].mean()),
+        "soft_mee": float(hybrid.metrics["soft_mee"].mean()), "ree": float(hybrid.metrics["ree"].mean()),
+        "mee_p95": float(np.quantile(mee, 0.95)), "mee_max": float(mee.max()),
+        "latency_ms_p50": float(np.median(milliseconds)), "latency_ms_p99": float(np.quantile(milliseconds, 0.99)),
+        "prior_mee": float(prior.metrics["mee"].mean()), "loading_seconds": predictor.loading_seconds,
+        "threads": threads, "nodes": predictor.mesh.n_points,
+    }
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Measure and print."""
+    options = _parser.parse_args(arguments)
+    for name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
+        os.environ.setdefault(name, str(options.threads))  # before the libraries are loaded
+    print(json.dumps(measure(options.bundle, options.store, options.threads)))
+
+
+if __name__ == "__main__":
+    main()
