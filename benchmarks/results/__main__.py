@@ -8,6 +8,7 @@ import argparse
 from pathlib import Path
 
 from benchmarks.results.experiments import EXPERIMENTS
+from benchmarks.results.hybrid import HYBRID
 from benchmarks.results.pipeline_run import DEMO, PATIENT1, short
 from benchmarks.results.profile import PROFILE
 from benchmarks.results.protocol import PROTOCOL
@@ -17,7 +18,7 @@ from mixpinn.base.files import write_text
 from mixpinn.base.rundir import is_finished
 
 ROOT = Path(__file__).parents[2]
-SECTIONS: tuple[Section, ...] = (PATIENT1, DEMO, EXPERIMENTS, PROFILE, PROTOCOL, SPEED)
+SECTIONS: tuple[Section, ...] = (PATIENT1, DEMO, HYBRID, EXPERIMENTS, PROFILE, PROTOCOL, SPEED)
 """In the order of the page."""
 
 
