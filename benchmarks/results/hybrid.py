@@ -73,7 +73,8 @@ def render(data: Data) -> str:
         lines += [
             "### What was tried\n",
             "Command: `python -m benchmarks.hybrid_study STORE --split split.json --out DIR`; the network by "
-            "`python -m benchmarks.hybrid_network`. The paper's mesh and protocol, contact nodes *loaded*, 93 training positions, "
+            "`python -m benchmarks.hybrid_network`. The paper's mesh and protocol, contact nodes *loaded*, 93 training "
+            "positions, "
             f"{data['variants'][0]['samples']:,} samples at 13 test positions against this project's converged finite "
             "elements.\n", _errors(rows), *_network(data),
         ]
@@ -125,8 +126,8 @@ def _network(data: Data) -> list[str]:
     row = data["network"][0]
     return [
         f"The network on top of the prior learned from {row['training_samples']:,} samples in {row['epochs']} epochs "
-        f"and {row['seconds'] / 60:.0f} minutes on one core; the hybrid model's fit takes less than two. Its rigid parts "
-        "are free to stretch.\n",
+        f"and {row['seconds'] / 60:.0f} minutes on one core; the hybrid model's fit takes less than two. Its rigid "
+        "parts are free to stretch.\n",
     ]
 
 
@@ -136,7 +137,8 @@ def _error(rows: Sequence[Mapping[str, Any]]) -> list[str]:
         "### How far the error is known\n",
         f"Cross-fitted over the {len(folds)} quarters of the validation and test positions: the estimate ranks errors "
         f"with Spearman's ρ = {whole['spearman']:.2f} over all {whole['samples']:,} samples and "
-        f"{whole['spearman_fixed_depth']:.2f} at fixed depth (mean over depths; the least is {whole['spearman_fixed_depth_least']:.2f}). It costs "
+        f"{whole['spearman_fixed_depth']:.2f} at fixed depth (mean over depths; the least is "
+        f"{whole['spearman_fixed_depth_least']:.2f}). It costs "
         f"{whole['milliseconds']:.1f} ms beside the prediction.\n",
         _table(
             ("Positions", "Samples", "Errors below their 95 % bound", "Median of bound / error", "Flagged as outside"),
@@ -154,7 +156,8 @@ def _pose(pose: Mapping[str, Any]) -> list[str]:
         "Command: `python -m benchmarks.pose STORE`. Contact is solved on the prior's compliance; the reference is the "
         "full contact simulation at that pose.\n",
         _table(
-            ("Figure", "Measured"), [(key.replace("_", " "), value) for key, value in pose.items() if value is not None],
+            ("Figure", "Measured"),
+            [(key.replace("_", " "), value) for key, value in pose.items() if value is not None],
         ),
     ]
 
