@@ -37,5 +37,5 @@ def principal_modes(
 
 def coefficients(modes: Float32Array, weights: Float32Array, unknowns: AnyArray) -> Float32Array:
     """Coefficients of fields (S, D) in orthonormal modes (m, D), shape (S, m)."""
-    found: Float32Array = (np.asarray(unknowns, dtype=np.float32) * weights**2) @ modes.T
-    return found
+    scaled: AnyArray = np.asarray(unknowns, dtype=np.float32) * weights**2
+    return scaled @ modes.T

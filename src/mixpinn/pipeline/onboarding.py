@@ -186,7 +186,7 @@ class _Clock:
 
     def __init__(self, file: Path) -> None:
         self.file, self._began = file, time.perf_counter()
-        kept = read_json(file) if file.exists() else {"seconds": 0.0, "rounds": []}
+        kept: dict[str, Any] = read_json(file) if file.exists() else {"seconds": 0.0, "rounds": []}
         self._before: float = kept["seconds"]
         self.rounds: list[dict[str, Any]] = kept["rounds"]
 
