@@ -9,7 +9,7 @@ every node in place of the contact displacement, which it contains.
 import argparse
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -33,13 +33,13 @@ class MissedTable(SampleTable):
         response: the prior's displacement of every node [mm], shape (N, n, 3).
     """
 
-    response: Float32Array = np.empty(0, np.float32)  # noqa: RUF009 (never written to)
+    response: Float32Array = field(default_factory=lambda: np.empty(0, np.float32))
 
     @staticmethod
     def of(table: SampleTable, prior: ElasticPrior) -> "MissedTable":
         """Ask the prior about every sample."""
         response = np.stack([prior.predict(table.contact_field(index)) for index in range(len(table))])
-        values = {field.name: getattr(table, field.name) for field in fields(SampleTable)}
+        values = {entry.name: getattr(table, entry.name) for entry in fields(SampleTable)}
         return MissedTable(**{**values, "displacement": table.displacement - response}, response=response)
 
     def contact_field(self, index: int) -> Float32Array:

@@ -26,9 +26,8 @@ from mixpinn.models.equilibrium import Equilibrium
 from mixpinn.models.error_estimate import ErrorEstimate
 from mixpinn.models.hybrid import HybridModel
 from mixpinn.models.newton_steps import NewtonSteps
-from mixpinn.models.prior import ElasticPrior
-from mixpinn.pipeline import PAPER_TISSUE_CONFIG, SplitConfig, load_samples
-from mixpinn.pipeline.evaluation_stage import build_prior
+from mixpinn.models.prior import ElasticPrior, probed_nodes
+from mixpinn.pipeline import SplitConfig, load_samples
 from mixpinn.records import Evaluation, SampleTable, TissueMesh
 from mixpinn.training.hybrid import HybridConfig, PreparedSamples, error_signs, fit_correction, prepare_samples
 
@@ -47,11 +46,14 @@ class Study:
     prior: ElasticPrior
 
     @staticmethod
-    def of(store: Path, split: str) -> "Study":
+    def of(store: Path, split: str, *, further: Path | None = None) -> "Study":
+        """Read a store; the prior is prepared for its contact nodes and those of a `further` store."""
         opened = SimulationStore.open(store)
         table, parts = load_samples(opened, SplitConfig(file=split))
-        prior = build_prior(opened.mesh(), {}, PAPER_TISSUE_CONFIG, table)
-        return Study(table, parts, opened.mesh(), replace(prior, compliance=np.array(prior.compliance)))
+        nodes = np.union1d(probed_nodes(opened.mesh()), table.contact_nodes)
+        if further is not None:
+            nodes = np.union1d(nodes, build_sample_table(SimulationStore.open(further)).contact_nodes)
+        return Study(table, parts, opened.mesh(), ElasticPrior.build(opened.mesh(), MATERIALS, nodes=nodes))
 
     @cached_property
     def train(self) -> AnyArray:
@@ -192,14 +194,10 @@ def recordings(study: Study, sofa: Path) -> list[dict[str, Any]]:
     both = np.union1d(theirs.split.train, theirs.split.validation)
     everything = replace(theirs, split=Split("every-fifth", both, theirs.split.validation[:0], theirs.split.test))
     apart = ~np.isin(study.prepared.position, theirs.split.test)
-    own = study.fit(apart)
-    covered = np.isin(test.contact_nodes, study.prior.nodes).all()
     models = [
         theirs.prior, everything.fit(config=RIDGE_ONLY, name="Prior + quadratic ridge, SOFA"),
-        everything.fit(name="Hybrid, fitted on SOFA"),
+        everything.fit(name="Hybrid, fitted on SOFA"), study.fit(apart, name="Hybrid, fitted on own simulations"),
     ]
-    if covered:
-        models.append(replace(own, name="Hybrid, fitted on own simulations"))
     return measure(models, test, study.mesh, "SOFA")
 
 
@@ -223,7 +221,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     for name in options.part or parts:
         file = options.out / f"{name}.json"
         if not file.exists():
-            study = study or Study.of(options.store, options.split)
+            study = study or Study.of(options.store, options.split, further=options.sofa)
             write_json(file, parts[name](study))
         print(name)
         for row in read_json(file):

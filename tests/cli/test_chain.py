@@ -94,7 +94,7 @@ def test_evaluate_writes_tables_and_report(chain, tmp_path):
     done(*words)
     written = {path.name for path in (tmp_path / "e").iterdir()}
     assert {"run.json", "report.html", "results.json", "results.csv", "results.md"} <= written
-    assert len([name for name in written if name.startswith("evaluation-")]) == 3
+    assert len([name for name in written if name.startswith("evaluation-")]) == 4
 
 
 def test_predict_writes_meshes_that_can_be_read_again(chain, tmp_path):

@@ -36,11 +36,12 @@ def test_baselines_alone(store, samples, tmp_path):
     table, split = samples
     background = Background(title="Nothing trained", simulation=build_config(SimulationConfig, SIMULATION))
     evaluations, report = evaluate_models([], store, table, split, QUICK, out=tmp_path, background=background)
-    zero, prior = evaluations
+    zero, prior, stepped = evaluations
     test = table.at_positions(split.test)
     # Predicting rest errs by the displacement itself.
     np.testing.assert_allclose(zero.metrics["mee"], np.linalg.norm(test.displacement, axis=2).mean(axis=1), rtol=1e-5)
     assert prior.metrics["mee"].mean() < 0.2 * zero.metrics["mee"].mean()
+    assert stepped.metrics["mee"].mean() < prior.metrics["mee"].mean()
     assert "Nothing trained" in report.read_text()
     written = json.loads((tmp_path / "run.json").read_text())["results"]
     assert written[zero.model] == pytest.approx(zero.metrics["mee"].mean())

@@ -71,7 +71,9 @@ class NewtonSteps:
             residual[held] = 0.0
             history.append(float(np.linalg.norm(residual)) / max(reaction, 1e-12))
             if step < steps:
-                self._now.factorize(self._system.tangent(state, held=held, project=True))
+                self._now.factorize(self._system.tangent(state, held=held, project=False))
+                if self._now.indefinite:  # far from equilibrium: a direction of descent is worth more
+                    self._now.factorize(self._system.tangent(state, held=held, project=True))
                 state = self._system.advance(state, -self._now.solve(residual))
         field = (state.points - self.prior.mesh.points).astype(np.float32)
         return field, np.array(history)

@@ -28,6 +28,7 @@ from mixpinn.evaluation import (
     typical_sample,
     write_report,
 )
+from mixpinn.models.newton_steps import NewtonSteps
 from mixpinn.models.prior import ElasticPrior, probed_nodes
 from mixpinn.pipeline.simulation_stage import SimulationConfig, TissueConfig
 from mixpinn.pipeline.training_stage import choose_samples
@@ -46,12 +47,14 @@ class EvaluationConfig:
 
     Attributes:
         prior: include the elastic prior, the baseline that needs no training.
+        newton_steps: Newton steps of the true solver from the prior, a second such baseline; 0 leaves it out.
         pictures: render the deformed mesh.
         with_paper: show the paper's rows beside the measured ones.
         seed: of the bootstrap.
     """
 
     prior: bool = True
+    newton_steps: int = 1
     pictures: bool = True
     with_paper: bool = False
     seed: int = 0
@@ -138,7 +141,11 @@ def evaluate_models(
     candidates: list[DisplacementModel] = [ZeroModel()]
     simulation = background.simulation or SimulationConfig()
     if config.prior:
-        candidates.append(build_prior(mesh, simulation.tissues, simulation.tissue, table))
+        prior = build_prior(mesh, simulation.tissues, simulation.tissue, table)
+        candidates.append(prior)
+        if config.newton_steps:
+            materials = [simulation.tissues.get(name, simulation.tissue).material() for name in mesh.tissue_names]
+            candidates.append(NewtonSteps(prior, materials, steps=config.newton_steps))
     candidates += trained
     evaluations = []
     for index, model in enumerate(candidates):
