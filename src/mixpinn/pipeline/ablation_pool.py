@@ -9,7 +9,7 @@ from typing import Any
 
 from mixpinn.base.errors import InputError, MixpinnError
 from mixpinn.base.files import write_text
-from mixpinn.base.progress import console, progress_bar
+from mixpinn.base.progress import progress_bar, quiet
 from mixpinn.dataset import pinned_threads
 from mixpinn.pipeline.ablation_jobs import EVALUATIONS, MODELS_FOLDER, AblationJob, run_job, test_set_names
 
@@ -117,9 +117,9 @@ def work(job: AblationJob, folder: Path, devices: int) -> None:
     """What a worker process does; a failure that a user can mend is left in a file as one line."""
     message = folder / MODELS_FOLDER / f"{job.name}.{MESSAGE}"
     message.unlink(missing_ok=True)
-    console.quiet = True  # the bars of several processes on one terminal show nothing
     try:
-        run_job(job, folder, devices=devices)
+        with quiet():
+            run_job(job, folder, devices=devices)
     except MixpinnError as error:
         write_text(message, f"{error}\n")
         raise SystemExit(2) from error
@@ -155,8 +155,8 @@ def _on_dask(
 
 
 def _work_quietly(job: AblationJob, folder: Path, devices: int) -> None:
-    console.quiet = True
-    run_job(job, folder, devices=devices)
+    with quiet():
+        run_job(job, folder, devices=devices)
 
 
 def check_scheduling(*, workers: int, devices: int) -> None:
