@@ -2,8 +2,11 @@
 
 import contextlib
 import multiprocessing
+import os
+import threading
 import time
 from collections.abc import Generator, Sequence
+from multiprocessing.connection import wait
 from pathlib import Path
 from typing import Any
 
@@ -115,6 +118,7 @@ def _reason(folder: Path, name: str, code: int | None) -> str:
 
 def work(job: AblationJob, folder: Path, devices: int) -> None:
     """What a worker process does; a failure that a user can mend is left in a file as one line."""
+    threading.Thread(target=_end_with_parent, daemon=True).start()
     message = folder / MODELS_FOLDER / f"{job.name}.{MESSAGE}"
     message.unlink(missing_ok=True)
     try:
@@ -125,6 +129,14 @@ def work(job: AblationJob, folder: Path, devices: int) -> None:
         raise SystemExit(2) from error
     except KeyboardInterrupt:  # control-C reaches every process; the parent says what it means
         raise SystemExit(130) from None
+
+
+def _end_with_parent() -> None:
+    """End this process when the one that started it is gone: a resumed table must find its folders free."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        wait([parent.sentinel])
+        os._exit(1)
 
 
 def _on_dask(
