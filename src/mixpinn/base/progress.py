@@ -1,6 +1,7 @@
 """Progress bars with time left, for everything that lasts longer than a moment."""
 
 from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from typing import TypeVar
 
 from rich.console import Console
@@ -29,3 +30,14 @@ def track(items: Iterable[T], description: str, *, total: int | None = None) -> 
     """Yield `items` behind a progress bar labelled `description`."""
     with progress_bar() as bar:
         yield from bar.track(items, total=total, description=description)
+
+
+@contextmanager
+def quiet() -> Iterator[None]:
+    """Print nothing while this lasts: the bars of several processes on one terminal show nothing."""
+    before = console.quiet
+    console.quiet = True
+    try:
+        yield
+    finally:
+        console.quiet = before

@@ -288,6 +288,7 @@ def ablate(
     threads: Annotated[int, typer.Option(help="CPU threads of each process.")] = 1,
     scheduler: Annotated[str | None, typer.Option(help="Address of a Dask scheduler to use instead.")] = None,
     devices: Annotated[int, typer.Option(help="Processes of each training, each with a device of its own.")] = 1,
+    tables_only: Annotated[bool, typer.Option("--tables-only", help="Only write tables of what is finished.")] = False,
     config: Config = None,
     overrides: Set = None,
 ) -> None:
@@ -308,6 +309,7 @@ def ablate(
     ))
     run_ablation(
         source, settings, out=out, workers=workers, threads=threads, scheduler=scheduler, devices=devices,
+        tables_only=tables_only,
     )
 
 

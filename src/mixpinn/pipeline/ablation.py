@@ -19,7 +19,7 @@ from mixpinn.graph import part_diameters
 from mixpinn.mesh import make_mesh
 from mixpinn.pipeline.ablation_config import AblationConfig
 from mixpinn.pipeline.ablation_jobs import SAMPLES, evaluate_once, evaluation_path, plan_jobs, test_set_names
-from mixpinn.pipeline.ablation_pool import check_scheduling, run_jobs
+from mixpinn.pipeline.ablation_pool import check_scheduling, is_done, run_jobs
 from mixpinn.pipeline.ablation_report import write_ablation_report
 from mixpinn.pipeline.ablation_sets import SETS, own_sets, probe_set, save_sets, seen_in_training
 from mixpinn.pipeline.evaluation_stage import build_prior
@@ -46,7 +46,7 @@ class AblationSource:
 
 def run_ablation(
     source: Path | str, config: AblationConfig, *, out: Path | str, workers: int = 0, threads: int = 1,
-    scheduler: str | None = None, devices: int = 1,
+    scheduler: str | None = None, devices: int = 1, tables_only: bool = False,
 ) -> Path:
     """Train and test every row of the table in the run directory `out`; an interrupted table goes on.
 
@@ -60,6 +60,7 @@ def run_ablation(
         threads: of each process.
         scheduler: address of a Dask scheduler to use instead, for the simulations and the trainings.
         devices: processes of each training, each with a device of its own.
+        tables_only: train nothing and write the tables of the runs that are finished.
 
     Returns:
         Path of ``results.md``.
@@ -84,13 +85,16 @@ def run_ablation(
     train = _prepare(table, split, made, config, mesh, out=out, scheduler=scheduler)
     jobs = plan_jobs(config, split, train)
     _baselines(made, mesh, table, out)
-    failed = run_jobs(jobs, out, workers=workers, threads=threads, scheduler=scheduler, devices=devices)
+    failed = {} if tables_only else run_jobs(
+        jobs, out, workers=workers, threads=threads, scheduler=scheduler, devices=devices,
+    )
     finished = [job for job in jobs if job.name not in failed]
     report = write_ablation_report(out, finished, config, diameters=part_diameters(mesh), nodes=mesh.n_points)
     if failed:
         name, message = next(iter(failed.items()))
         raise MixpinnError(f"{len(failed)} of {len(jobs)} runs failed, the first {name}: {message}")
-    finish_run(out, {"runs": [job.name for job in jobs]})
+    if all(is_done(out, job) for job in jobs):
+        finish_run(out, {"runs": [job.name for job in jobs]})
     console.print(f"Tables: {report}")
     return report
 

@@ -44,6 +44,7 @@ class AblationConfig:
         seeds: their seeds; the other rows take the first.
         few_positions: numbers of training positions at which `few_row` is trained once more with the first seed.
         few_row: the row of the data-need curve.
+        layers: attention layers.
         hidden: channels a head of the attention layers.
         physgnn_hidden: channels of PhysGNN's convolutions.
         scaling: of inputs and outputs, the same for all rows.
@@ -67,6 +68,7 @@ class AblationConfig:
     seeds: tuple[int, ...] = (0, 1, 2)
     few_positions: tuple[int, ...] = ()
     few_row: str = "row-10"
+    layers: int = 8
     hidden: int = 128
     physgnn_hidden: int = 112
     scaling: Scaling = Scaling.NONE

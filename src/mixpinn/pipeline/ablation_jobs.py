@@ -40,10 +40,10 @@ class AblationJob:
 
 
 def model_of(row: str, config: AblationConfig) -> ModelConfig:
-    """The network of a row at the width and scaling of the table."""
+    """The network of a row at the depth, width and scaling of the table."""
     listed = MODELS[row]
     hidden = config.physgnn_hidden if listed.architecture == "physgnn" else config.hidden
-    return replace(listed, hidden=hidden, scaling=config.scaling)
+    return replace(listed, layers=config.layers, hidden=hidden, scaling=config.scaling)
 
 
 def training_of(row: str, config: AblationConfig, *, seed: int, samples: int) -> TrainConfig:

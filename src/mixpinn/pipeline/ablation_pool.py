@@ -2,14 +2,17 @@
 
 import contextlib
 import multiprocessing
+import os
+import threading
 import time
 from collections.abc import Generator, Sequence
+from multiprocessing.connection import wait
 from pathlib import Path
 from typing import Any
 
 from mixpinn.base.errors import InputError, MixpinnError
 from mixpinn.base.files import write_text
-from mixpinn.base.progress import console, progress_bar
+from mixpinn.base.progress import progress_bar, quiet
 from mixpinn.dataset import pinned_threads
 from mixpinn.pipeline.ablation_jobs import EVALUATIONS, MODELS_FOLDER, AblationJob, run_job, test_set_names
 
@@ -115,16 +118,25 @@ def _reason(folder: Path, name: str, code: int | None) -> str:
 
 def work(job: AblationJob, folder: Path, devices: int) -> None:
     """What a worker process does; a failure that a user can mend is left in a file as one line."""
+    threading.Thread(target=_end_with_parent, daemon=True).start()
     message = folder / MODELS_FOLDER / f"{job.name}.{MESSAGE}"
     message.unlink(missing_ok=True)
-    console.quiet = True  # the bars of several processes on one terminal show nothing
     try:
-        run_job(job, folder, devices=devices)
+        with quiet():
+            run_job(job, folder, devices=devices)
     except MixpinnError as error:
         write_text(message, f"{error}\n")
         raise SystemExit(2) from error
     except KeyboardInterrupt:  # control-C reaches every process; the parent says what it means
         raise SystemExit(130) from None
+
+
+def _end_with_parent() -> None:
+    """End this process when the one that started it is gone: a resumed table must find its folders free."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        wait([parent.sentinel])
+        os._exit(1)
 
 
 def _on_dask(
@@ -155,8 +167,8 @@ def _on_dask(
 
 
 def _work_quietly(job: AblationJob, folder: Path, devices: int) -> None:
-    console.quiet = True
-    run_job(job, folder, devices=devices)
+    with quiet():
+        run_job(job, folder, devices=devices)
 
 
 def check_scheduling(*, workers: int, devices: int) -> None:

@@ -136,7 +136,8 @@ def protocol_line(
     return (
         f"Mesh of {nodes:,} nodes; edges from one end of a rigid part to the other: {across}. Positions "
         f"{parts} (train / validation / test); {counts['train']:,} training and {counts['validation']:,} validation "
-        f"samples. Width {config.hidden} a head (PhysGNN {config.physgnn_hidden}), scaling “{config.scaling.value}”, "
+        f"samples. {config.layers} layers of width {config.hidden} a head (PhysGNN {config.physgnn_hidden}), "
+        f"scaling “{config.scaling.value}”, "
         f"AdamW, learning rate {train.learning_rate:g}, batch {train.batch_size} (PhysGNN "
         f"{config.physgnn_learning_rate:g}, {config.physgnn_batch_size}), {budget}. Seeds: "
         f"{', '.join(map(str, config.seeds))} for {', '.join(row for row in config.repeated if row in config.rows)}; "
