@@ -87,3 +87,15 @@ def test_files_round_trip_and_refuse_another_mesh(tmp_path, mesh, top, prior) ->
     about.write_text(about.read_text().replace(mesh.hash(), "0" * 16))
     with pytest.raises(InputError, match="build the prior for this mesh"):
         ElasticPrior.load(tmp_path, mesh)
+
+
+def test_a_low_rank_prior_keeps_its_stated_error(tmp_path, mesh, top, prior) -> None:
+    prior.save(tmp_path, tolerance=0.05)
+    again = ElasticPrior.load(tmp_path, mesh)
+    error = np.linalg.norm(again.compliance - prior.compliance) / np.linalg.norm(prior.compliance)
+    assert 0.0 < error <= 0.05
+    assert np.load(tmp_path / "left.npy").shape[1] < len(prior.compliance) / 2
+    # Contact nodes are still exactly where they are put.
+    contact = np.zeros((mesh.n_points, 3), dtype=np.float32)
+    contact[top[3:9], 1] = -0.7
+    assert_allclose(again.predict(contact)[top[3:9]], contact[top[3:9]], atol=1e-5)

@@ -128,10 +128,10 @@ class HybridModel:
         remaining = self.newton.step(state.unknowns, state.contact)
         return Signs.of(state.step, state.correction, remaining, state.coordinates)
 
-    def save(self, folder: Path | str) -> None:
-        """Write mesh-independent arrays as safetensors, the prior beside them, and ``hybrid.json``."""
+    def save(self, folder: Path | str, *, tolerance: float = 0.0) -> None:
+        """Write the arrays as safetensors, the prior beside them (see `ElasticPrior.save`), and ``hybrid.json``."""
         folder = Path(folder)
-        self.prior.save(folder / _PRIOR)
+        self.prior.save(folder / _PRIOR, tolerance=tolerance)
         tensors = {
             "modes": self.newton.modes, "duals": self.newton.duals, "coupling": self.newton.coupling,
             "readers": self.readers, "gain": self.gain,

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from mixpinn.fem import LinearSolver, Material
 
 _ABOUT, _COMPLIANCE = "prior.json", "compliance.npy"
+_LEFT, _RIGHT, _OWN = "left.npy", "right.npy", "own.npy"
 
 
 class ContactSystem:
@@ -199,12 +200,39 @@ class ElasticPrior:
         unknowns, _ = self.respond(nodes, contact_displacement[nodes])
         return self.expand(unknowns)
 
-    def save(self, folder: Path | str) -> None:
-        """Write the compliance (.npy, mapped into memory when read) and what it belongs to."""
+    def save(self, folder: Path | str, *, tolerance: float = 0.0) -> None:
+        """Write the compliance (.npy, mapped into memory when read) and what it belongs to.
+
+        Args:
+            folder: where to.
+            tolerance: with a positive one, C is written as a product of two smaller matrices that differs from it by
+                at most this share, in the Frobenius norm; the contact nodes' own block stays exact. Such a prior is
+                multiplied out when it is read.
+        """
         folder = Path(folder)
-        with atomic_path(folder / _COMPLIANCE) as temporary:
-            np.save(temporary, self.compliance, allow_pickle=False)
-        write_json(folder / _ABOUT, {"mesh_hash": self.mesh.hash(), "nodes": self.nodes, "name": self.name})
+        arrays = {_COMPLIANCE: self.compliance} if tolerance <= 0.0 else self._factors(tolerance)
+        for name, array in arrays.items():
+            with atomic_path(folder / name) as temporary:
+                np.save(temporary, array, allow_pickle=False)
+        write_json(folder / _ABOUT, {
+            "mesh_hash": self.mesh.hash(), "nodes": self.nodes, "name": self.name, "tolerance": max(tolerance, 0.0),
+        })
+
+    def _factors(self, tolerance: float) -> dict[str, Float32Array]:
+        """C ≈ V_r (V_rᵀ C) with the r leading left singular vectors V_r, and the exact own block."""
+        dense = np.asarray(self.compliance, dtype=np.float64)
+        squared, vectors = np.linalg.eigh(dense @ dense.T)
+        discarded = np.sqrt(np.maximum(np.cumsum(squared), 0.0) / squared.sum())
+        left = vectors[:, int(np.searchsorted(discarded, tolerance, side="right")):]
+        return {
+            _LEFT: left.astype(np.float32), _RIGHT: (left.T @ dense).astype(np.float32),
+            _OWN: dense[:, self._own_unknowns()].astype(np.float32),
+        }
+
+    def _own_unknowns(self) -> IntArray:
+        """The reduced unknowns that are displacements of the contact nodes, shape (3 c,)."""
+        first: IntArray = self._first_unknown  # type: ignore[attr-defined]
+        return (first[:, None] + np.arange(3)).ravel()
 
     @staticmethod
     def load(folder: Path | str, mesh: TissueMesh) -> "ElasticPrior":
@@ -220,10 +248,17 @@ class ElasticPrior:
                 str(folder), expected=f"a prior of mesh {mesh.hash()}", got=f"one of mesh {about['mesh_hash']}",
                 fix="build the prior for this mesh",
             )
+        nodes = np.array(about["nodes"], dtype=np.int64)
         try:
-            compliance = np.load(folder / _COMPLIANCE, mmap_mode="r", allow_pickle=False)
+            if about.get("tolerance", 0.0) > 0.0:
+                left, right, own = (np.load(folder / name, allow_pickle=False) for name in (_LEFT, _RIGHT, _OWN))
+                compliance = left @ right
+                first = 3 * np.searchsorted(ReducedCoordinates(mesh).free, nodes)
+                compliance[:, (first[:, None] + np.arange(3)).ravel()] = own
+            else:
+                compliance = np.load(folder / _COMPLIANCE, mmap_mode="r", allow_pickle=False)
         except (OSError, ValueError) as error:
             raise InputError(
                 str(folder / _COMPLIANCE), expected="a compliance matrix", got=str(error), fix="build the prior again",
             ) from error
-        return ElasticPrior(mesh, np.array(about["nodes"], dtype=np.int64), compliance, about["name"])
+        return ElasticPrior(mesh, nodes, compliance, about["name"])

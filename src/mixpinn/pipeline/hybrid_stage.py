@@ -71,12 +71,12 @@ def make_hybrid(
         table.select(samples.validation), config.hybrid,
     )
     split.save(out / SPLIT_FILE)
-    save_bundle(model, out)
+    save_bundle(model, out, tolerance=config.hybrid.compress)
     finish_run(out, {"model": model.about})
     return model
 
 
-def save_bundle(model: HybridModel, out: Path) -> None:
+def save_bundle(model: HybridModel, out: Path, *, tolerance: float = 0.0) -> None:
     """Write all that `mixpinn.serving` needs: the mesh, the prior, the correction and its calibration."""
     model.mesh.save(out / MESH_FILE)
-    model.save(out)
+    model.save(out, tolerance=tolerance)

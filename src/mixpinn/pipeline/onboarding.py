@@ -127,7 +127,7 @@ def _learn(model: HybridModel, mesh: TissueMesh, config: OnboardingConfig, clock
         entry["no_motion"] = float(found.metrics["mean_displacement"].mean())
         if end < len(ordered):
             model = _fit(model, build_sample_table(store), ordered[:end], config)
-            save_bundle(model, out / BUNDLE)
+            save_bundle(model, out / BUNDLE, tolerance=config.hybrid.compress)
         clock.note({**entry, "minutes": clock.seconds() / 60.0})
         console.print(
             f"{end} poses: the {end - seen} new ones are predicted to {entry['model_mee']:.3f} mm (prior "

@@ -32,6 +32,8 @@ class HybridConfig:
         response: use the coordinates and their products as features.
         ridge: penalties of the regression to choose from, relative to the number of samples, features scaled to unit
             variance; the one that cross-validation over training positions finds best is taken.
+        compress: with a positive value, the bundle holds the prior as a low-rank product with at most this relative
+            error (Frobenius norm) instead of the whole matrix.
         mode_samples: samples from which the modes are taken, drawn from the training samples.
         seed: of that draw.
     """
@@ -41,6 +43,7 @@ class HybridConfig:
     newton: bool = True
     response: bool = True
     ridge: tuple[float, ...] = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0)
+    compress: float = 0.0
     mode_samples: int = 2400
     seed: int = 0
 
