@@ -10,8 +10,11 @@ from benchmarks.validation.hertz import exact_force, exact_radius, graded
 from benchmarks.validation.linear_elasticity import newton_orders
 from benchmarks.validation.material import MATERIALS, difference_error
 from benchmarks.validation.newton import equilibrium
-from benchmarks.validation.page import section_text, split_page, write_page
+from benchmarks.validation.page import section_text, split_page, stored_results, write_page
+from benchmarks.validation.probe_side import nearest_places
+from benchmarks.validation.protocol import inverted_rows, inverted_text
 from benchmarks.validation.result import Result, Section
+from mixpinn.dataset import InvertedCell
 from mixpinn.fem import ElasticSystem, LinearElastic
 
 
@@ -89,3 +92,61 @@ def test_the_command_ends_with_json(tmp_path, capsys):
     assert {"check", "value", "bar", "met"} == set(rows[0])
     assert all(row["met"] for row in rows)
     assert (tmp_path / "validation" / "closed_form.png").is_file()
+
+
+def test_long_checks_are_read_back_from_the_page(tmp_path):
+    page, title = tmp_path / "page.md", "Long"
+    rows = (
+        Result.at_most("largest |T| / (μ N)", 0.25, 1.0), Result("poses", 74.0, "= 74", True),
+        Result("not made", float("nan"), "≤ 1", False),
+    )
+    assert stored_results(page, title) == ()
+    write_page(page, [Section(title, "text | with a bar", rows, table=(("check", "x"), ("a", "1")))], order=[title])
+    found = stored_results(page, title)
+    assert found[:2] == rows[:2]
+    assert (found[2].check, found[2].met, np.isnan(found[2].value)) == ("not made", False, True)
+    assert len(found) == 3
+    assert stored_results(page, "Other") == ()
+
+
+def test_a_command_without_long_runs_keeps_their_figures(tmp_path, capsys, monkeypatch):
+    page = tmp_path / "validation.md"
+    kept = Result("SOFA imposed, poses", 74.0, "= 74", True)
+    write_page(page, [Section(command.TITLES["sofa_imposed"], "text", (kept,))], order=list(command.TITLES.values()))
+    quick = Result("quick", 1.0, "= 1", True)
+
+    def made(options):
+        return {name: lambda name=name: Section(command.TITLES[name], "", (quick,)) for name in command.TITLES}
+
+    monkeypatch.setattr(command, "checks", made)
+    command.main(["--page", str(page), "--cache", str(tmp_path)])
+    rows = json.loads(capsys.readouterr().out.strip().splitlines()[-1])
+    assert kept.json() in rows
+    assert rows.count(quick.json()) == 7  # all but the long ones and the protocols
+    assert {"check": "The paper's protocol", "value": None, "bar": "made", "met": False} in rows
+
+
+def test_nearest_places_are_no_farther_than_any_other_place():
+    rng = np.random.default_rng(0)
+    points, corners = rng.normal(size=(200, 3)), rng.normal(size=(200, 3, 3))
+    found = np.linalg.norm(nearest_places(points, corners) - points, axis=1)
+    weights = rng.dirichlet([0.5, 0.5, 0.5], size=(200, 4000))
+    sampled = np.linalg.norm(weights @ corners - points[:, None], axis=2).min(axis=1)
+    assert (found <= sampled + 1e-12).all()
+    assert (sampled - found).max() < 0.2
+
+
+def test_inverted_cells_in_words():
+    def cell(pose, number, determinant, parts):
+        return InvertedCell(pose, number, 1, 5, 3.0, 2.0, determinant, parts, 1, "fat", 2.0, 0.1)
+
+    entries = (
+        cell("pose_000_000", 7, -0.2, ("L1", "L2")), cell("pose_001_000", 7, -0.5, ("L1", "L2")),
+        cell("pose_001_000", 9, -0.1, ()),
+    )
+    text, rows = inverted_text(entries), inverted_rows(entries)
+    assert "2 cells are inverted in 2 poses" in text
+    assert "1 between two rigid parts, 1 in soft tissue" in text
+    assert "det F = -0.5, cell 7 in pose_001_000 at 3 mm" in text
+    assert [row[0] for row in rows[1:]] == ["7", "9"]
+    assert inverted_text(()).startswith("No cell")

@@ -4,7 +4,7 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
-from benchmarks.validation.result import Section
+from benchmarks.validation.result import Result, Section
 from mixpinn.base.files import atomic_path
 
 HEAD = """# Validation of the finite elements
@@ -38,6 +38,24 @@ def split_page(text: str) -> dict[str, str]:
     """Sections of a page by title."""
     parts = re.split(r"^## ", text, flags=re.MULTILINE)[1:]
     return {part.split("\n", 1)[0].strip(): "## " + part.rstrip("\n") + "\n" for part in parts}
+
+
+def stored_results(path: Path, title: str) -> tuple[Result, ...]:
+    """Figures of the section `title` as the page at `path` has them, to four digits; none where it lacks the section.
+
+    This is where the long checks keep what they found.
+    """
+    section = split_page(path.read_text(encoding="utf-8")).get(title, "") if path.is_file() else ""
+    results: list[Result] = []
+    lines = section.splitlines()
+    header = "| check | value | bar | met |"
+    for line in lines[lines.index(header) + 2:] if header in lines else []:
+        if not line.startswith("|"):
+            break
+        check, value, bar, met = (cell.strip() for cell in line.replace("\\|", "\0").strip("|").split("|"))
+        number = float("nan") if value == "–" else float(value)
+        results.append(Result(check.replace("\0", "|"), number, bar, met == "yes"))
+    return tuple(results)
 
 
 def write_page(path: Path, sections: Sequence[Section], *, order: Sequence[str]) -> None:

@@ -44,6 +44,18 @@ def differences(system: ElasticSystem, recording: Recording) -> FloatArray:
     return rows
 
 
+def kept_differences(system: ElasticSystem, recording: Recording, cache: Path) -> FloatArray:
+    """`differences`, computed once and kept in `cache`."""
+    kept = cache / f"{recording.name}.npy"
+    if not kept.is_file():
+        cache.mkdir(parents=True, exist_ok=True)
+        rows = differences(system, recording)
+        with atomic_path(kept) as temporary, open(temporary, "wb") as file:
+            np.save(file, rows)
+    table: FloatArray = np.load(kept)
+    return table
+
+
 def run(folder: Path, *, cache: Path, full: bool = False) -> Section:
     """The check; poses once computed are kept in `cache`, and all that are there count.
 
@@ -62,13 +74,7 @@ def run(folder: Path, *, cache: Path, full: bool = False) -> Section:
     wanted = poses if full else sorted({*known, *poses[:: max(1, len(poses) // QUICK)][:QUICK]})
     tables = []
     for path in track(wanted, "SOFA imposed"):
-        kept = cache / f"{path.stem}.npy"
-        if not kept.is_file():
-            cache.mkdir(parents=True, exist_ok=True)
-            rows = differences(system, Recording.load(path))
-            with atomic_path(kept) as temporary, open(temporary, "wb") as file:
-                np.save(file, rows)
-        tables.append(np.load(kept))
+        tables.append(kept_differences(system, Recording.load(path), cache))
     table = np.stack(tables)
     used = ~np.isnan(table[..., 0])
     # Frames before depth 1 count where they carry load, as one group.

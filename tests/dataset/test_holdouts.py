@@ -5,9 +5,12 @@ from dataset_fakes import block, fake_simulation
 from mixpinn.base.errors import InputError
 from mixpinn.dataset import (
     HOLD_OUTS,
+    NOISE,
+    NOISE_MM,
     Protocol,
     beyond,
     deeper_than,
+    held_out_samples,
     hold_out,
     lateral_to,
     probe_path,
@@ -15,6 +18,7 @@ from mixpinn.dataset import (
     split_positions,
     split_samples,
     table_of,
+    with_contact_noise,
 )
 
 
@@ -73,3 +77,36 @@ def test_unknown_or_empty_hold_outs_are_refused(table):
         hold_out(table, split_positions(10), name="none", held=deeper_than(100.0))
     with pytest.raises(InputError, match="at least one training sample"):
         hold_out(table, split_positions(10), name="all", held=deeper_than(-1.0))
+
+
+def test_noise_changes_what_a_model_is_told_and_nothing_else(table):
+    split = split_positions(10)
+    samples = hold_out(table, split, name=NOISE)
+    whole = split_samples(table, split)
+    for part, chosen in samples.parts.items():
+        np.testing.assert_array_equal(chosen, whole.parts[part])
+    clean, noisy = table.select(samples.test), held_out_samples(table, samples)
+    np.testing.assert_array_equal(noisy.displacement, clean.displacement)
+    errors = []
+    for index in range(len(clean)):
+        difference = noisy.contact_field(index) - clean.contact_field(index)
+        free = np.setdiff1d(np.arange(difference.shape[0]), clean.contacts(index))
+        assert not difference[free].any()
+        errors.append(difference[clean.contacts(index)])
+    errors = np.concatenate(errors)
+    # 95 % of the standard errors of mean and deviation of as many draws lie within two of these bounds.
+    assert abs(errors.mean()) < 4.0 * NOISE_MM / np.sqrt(errors.size)
+    assert errors.std() == pytest.approx(NOISE_MM, rel=4.0 / np.sqrt(2.0 * errors.size))
+
+
+def test_noise_is_drawn_from_its_seed(table):
+    first, again, other = (with_contact_noise(table, deviation=0.5, seed=seed) for seed in (3, 3, 4))
+    np.testing.assert_array_equal(first.contact_error, again.contact_error)
+    assert (first.contact_error != other.contact_error).all()
+
+
+def test_noise_stays_with_its_sample_when_some_are_selected(table):
+    noisy = with_contact_noise(table)
+    chosen = noisy.select(np.array([7, 2]))
+    for place, index in enumerate((7, 2)):
+        np.testing.assert_array_equal(chosen.contact_field(place), noisy.contact_field(index))

@@ -56,6 +56,14 @@ def test_every_fifth_position_tests(positions):
     assert sorted([*split.train, *split.test]) == ordered
 
 
+@given(st.sets(st.integers(0, 300), min_size=8))
+def test_every_sixth_of_the_rest_validates(positions):
+    split = split_sofa_subset(np.array(list(positions)), validate=True)
+    rest = [p for i, p in enumerate(sorted(positions)) if i % 5 != 2]
+    assert split.validation.tolist() == [p for i, p in enumerate(rest) if i % 6 == 3]
+    assert sorted([*split.train, *split.validation, *split.test]) == sorted(positions)
+
+
 def test_round_trip(tmp_path):
     split = split_positions(20)
     split.save(tmp_path / "split.json")

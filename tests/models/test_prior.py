@@ -60,7 +60,7 @@ def test_rigid_parts_keep_their_edges(mesh, top, prior) -> None:
     unknowns[-3:] += [0.4, -0.3, 0.5]  # a large turn
     field = prior.expand(unknowns)
     geometry = MetricGeometry.of(mesh)
-    assert rigid_edge_error(field, mesh.points, geometry.rigid_edges) < 1e-12
+    assert rigid_edge_error(field, mesh.points, geometry.rigid_edges) < 1e-6  # mm; the field is in single precision
 
 
 def test_no_contact_means_no_motion(mesh, prior) -> None:

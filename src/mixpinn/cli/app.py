@@ -33,7 +33,10 @@ Set = Annotated[
     list[str] | None, typer.Option("--set", help="Override a setting, for example train.max_epochs=20; repeatable."),
 ]
 Config = Annotated[Path | None, typer.Option("--config", "-c", help="Settings as TOML or JSON.")]
-SplitFile = Annotated[Path | None, typer.Option("--split", help="Split of the positions as JSON.")]
+SplitFile = Annotated[Path | None, typer.Option("--split", help="Split of the positions as JSON, or every-fifth.")]
+HoldOut = Annotated[
+    str | None, typer.Option(help="Hold-out: rotation-45, rotation-135, deep, lateral, caudal or noise."),
+]
 Threads = Annotated[int | None, typer.Option(help="CPU threads; every core by default.")]
 
 
@@ -187,6 +190,7 @@ def train(
     scaling: Annotated[str | None, typer.Option(help="none or standard.")] = None,
     devices: Annotated[int, typer.Option(help="Processes, each with a device of its own.")] = 1,
     split_file: SplitFile = None,
+    hold_out: HoldOut = None,
     config: Config = None,
     overrides: Set = None,
 ) -> None:
@@ -200,7 +204,7 @@ def train(
     )
     store = SimulationStore.open(_simulations(source))
     table, split = load_samples(store, SplitConfig(file=str(split_file) if split_file else None))
-    result = train_model(model, settings, table, split, store, out=out, devices=devices)
+    result = train_model(model, settings, table, split, store, out=out, devices=devices, held_out=hold_out)
     console.print(
         f"{len(result.history)} epochs, best {result.best_epoch} with {result.best_validation_loss:.4f} mm on the "
         f"validation positions ({result.stopped_by}); model in {out}"
@@ -215,6 +219,7 @@ def evaluate(
     pictures: Annotated[bool, typer.Option(help="Render the deformed mesh.")] = True,
     paper: Annotated[bool, typer.Option(help="Show the paper's rows too.")] = False,
     split_file: SplitFile = None,
+    hold_out: HoldOut = None,
     paper_constants: PaperConstants = False,
     threads: Threads = None,
 ) -> None:
@@ -242,9 +247,46 @@ def evaluate(
     table, split = load_samples(store, SplitConfig(file=str(split_file) if split_file else None))
     _, report = evaluate_models(
         models, store, table, split, EvaluationConfig(pictures=pictures, with_paper=paper), out=out,
-        background=Background(simulation=simulation), threads=threads,
+        background=Background(simulation=simulation), threads=threads, held_out=hold_out,
     )
     console.print(f"Report: {report}")
+
+
+@app.command()
+def ablate(
+    source: Annotated[str, typer.Argument(help="Label maps, 'phantom', a mesh, or the folder of 'mixpinn simulate'.")],
+    out: Out,
+    protocol: Annotated[str, typer.Option(help="desk or paper.")] = "desk",
+    rows: Annotated[list[str] | None, typer.Option("--row", help="Only this row; repeatable. All fourteen.")] = None,
+    width: Annotated[int | None, typer.Option(help="Channels a head.")] = None,
+    probe: ProbeFile = None,
+    positions: Positions = None,
+    split_file: SplitFile = None,
+    workers: Annotated[int, typer.Option(help="Processes; every core by default.")] = 0,
+    threads: Annotated[int, typer.Option(help="CPU threads of each process.")] = 1,
+    scheduler: Annotated[str | None, typer.Option(help="Address of a Dask scheduler to use instead.")] = None,
+    devices: Annotated[int, typer.Option(help="Processes of each training, each with a device of its own.")] = 1,
+    config: Config = None,
+    overrides: Set = None,
+) -> None:
+    """The paper's experiments: every row trained and tested, with hold-outs; goes on where it was stopped."""
+    from mixpinn.pipeline import ABLATION_RUNS, AblationConfig, run_ablation
+
+    if protocol not in ABLATION_RUNS:
+        raise InputError(
+            f"--protocol {protocol}", expected="one of " + ", ".join(ABLATION_RUNS), got=protocol,
+            fix="choose one of them",
+        )
+    settings = build_config(AblationConfig, asdict(ABLATION_RUNS[protocol]), *_layers(
+        config, overrides, rows=rows and tuple(rows), hidden=width,
+        split={"file": str(split_file)} if split_file else None,
+        simulation={
+            name: str(path) for name, path in (("probe", probe), ("positions", positions)) if path
+        } or None,
+    ))
+    run_ablation(
+        source, settings, out=out, workers=workers, threads=threads, scheduler=scheduler, devices=devices,
+    )
 
 
 @app.command()

@@ -1,18 +1,26 @@
 """Poses, splits, generation and the store of simulations."""
 
+from mixpinn.dataset.dask_pool import connect_dask
 from mixpinn.dataset.dataset_table import DatasetTable, dataset_table
 from mixpinn.dataset.generation import generate, scene_identity
 from mixpinn.dataset.holdouts import (
+    HOLD_OUT_NAMES,
     HOLD_OUTS,
+    NOISE,
+    NOISE_MM,
     SampleSplit,
     Selector,
     beyond,
     deeper_than,
+    held_out_samples,
     hold_out,
     lateral_to,
     rotation_is,
     split_samples,
+    with_contact_noise,
 )
+from mixpinn.dataset.inverted_cells import InvertedCell, inverted_cells, list_inverted
+from mixpinn.dataset.local_pool import pinned_threads
 from mixpinn.dataset.pose_map import draw_pose_map, save_pose_map
 from mixpinn.dataset.positions import first_touch, grid_positions, plan_poses, thin_positions
 from mixpinn.dataset.protocol import (
@@ -37,10 +45,12 @@ from mixpinn.dataset.summary import GenerationSummary, summarize
 from mixpinn.dataset.worker import Runner, run_pose
 
 __all__ = [
-    "ANATOMY", "HOLD_OUTS", "PAPER", "PROTOCOLS", "SMALL", "SOFA_REPLAY", "TINY", "ContactRule", "DatasetTable",
-    "GenerationSummary", "Pose", "PoseState", "PoseStatus", "Protocol", "Runner", "SampleSplit", "Selector",
-    "SimulationStore", "Split", "beyond", "build_sample_table", "dataset_table", "deeper_than", "draw_pose_map",
-    "first_touch", "generate", "grid_positions", "hold_out", "lateral_to", "list_poses", "plan_poses", "probe_path",
-    "probe_rotation", "read_positions", "rotation_is", "run_pose", "save_pose_map", "scene_identity", "split_positions",
-    "split_samples", "split_sofa_subset", "summarize", "table_of", "thin_positions",
+    "ANATOMY", "HOLD_OUTS", "HOLD_OUT_NAMES", "NOISE", "NOISE_MM", "PAPER", "PROTOCOLS", "SMALL", "SOFA_REPLAY",
+    "TINY", "ContactRule", "DatasetTable", "GenerationSummary", "InvertedCell", "Pose", "PoseState", "PoseStatus",
+    "Protocol", "Runner", "SampleSplit", "Selector", "SimulationStore", "Split", "beyond", "build_sample_table",
+    "connect_dask", "dataset_table", "deeper_than", "draw_pose_map", "first_touch", "generate", "grid_positions",
+    "held_out_samples", "hold_out", "inverted_cells", "lateral_to", "list_inverted", "list_poses",
+    "pinned_threads", "plan_poses", "probe_path", "probe_rotation", "read_positions", "rotation_is", "run_pose",
+    "save_pose_map", "scene_identity", "split_positions", "split_samples", "split_sofa_subset", "summarize",
+    "table_of", "thin_positions", "with_contact_noise",
 ]

@@ -11,6 +11,37 @@ from mixpinn.dataset.store import SimulationStore
 from mixpinn.dataset.worker import Runner, run_pose
 
 
+def connect_dask(scheduler: str) -> Any:
+    """A client of the scheduler at the address `scheduler`, to be used in a ``with`` statement.
+
+    Raises:
+        InputError: Dask is not installed, the scheduler does not answer, or workers of several threads.
+    """
+    try:
+        from distributed import Client
+    except ImportError as error:
+        raise InputError(
+            "--scheduler", expected="the package dask[distributed]", got="it is not installed",
+            fix="pip install 'mixpinn[distributed]'",
+        ) from error
+    try:
+        client = Client(scheduler, timeout="20s", set_as_default=False)
+    except (OSError, ValueError, TimeoutError) as error:
+        raise InputError(
+            f"--scheduler {scheduler}", expected="the address of a running Dask scheduler",
+            got=str(error) or repr(error),
+            fix="start one with 'dask scheduler' and give the address that it prints",
+        ) from error
+    threaded = [name for name, count in client.nthreads().items() if count > 1]
+    if threaded:
+        client.close()
+        raise InputError(
+            f"--scheduler {scheduler}", expected="workers of one thread", got=f"{len(threaded)} workers of several",
+            fix="start them with 'dask worker --nthreads 1'",
+        )
+    return client
+
+
 def _hold(scene: Any) -> Any:
     """The scene as the result of a task: unlike scattered data, Dask makes it again when its holder dies."""
     return scene
@@ -29,30 +60,11 @@ def run_dask(
     Raises:
         InputError: Dask is not installed, the scheduler does not answer, or workers of several threads.
     """
-    try:
-        from distributed import Client, as_completed
-    except ImportError as error:
-        raise InputError(
-            "--scheduler", expected="the package dask[distributed]", got="it is not installed",
-            fix="pip install 'mixpinn[distributed]'",
-        ) from error
-    try:
-        client = Client(scheduler, timeout="20s", set_as_default=False)
-    except (OSError, ValueError, TimeoutError) as error:
-        raise InputError(
-            f"--scheduler {scheduler}", expected="the address of a running Dask scheduler",
-            got=str(error) or repr(error),
-            fix="start one with 'dask scheduler' and give the address that it prints",
-        ) from error
     # Workers have working directories of their own.
     store = replace(store, folder=store.folder.resolve())
-    with client:
-        threaded = [name for name, count in client.nthreads().items() if count > 1]
-        if threaded:
-            raise InputError(
-                f"--scheduler {scheduler}", expected="workers of one thread", got=f"{len(threaded)} workers of several",
-                fix="start them with 'dask worker --nthreads 1'",
-            )
+    with connect_dask(scheduler) as client:
+        from distributed import as_completed
+
         held = client.submit(_hold, scene, pure=False)
         by_key = {pose.name: pose for pose in poses}
         futures = [

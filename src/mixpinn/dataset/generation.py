@@ -97,6 +97,7 @@ def generate(
         else run_local(store, scene, runner, open_poses, workers=workers, threads=threads)
     )
     stepped = dict.fromkeys((pose.name for pose in open_poses), 0)
+    ended = False
     try:
         with progress_bar() as bar:
             task = bar.add_task(_label(done, len(poses)), total=len(open_poses) * steps)
@@ -107,11 +108,13 @@ def generate(
                     stepped[pose.name] = steps
                     done += 1
                 bar.update(task, completed=sum(stepped.values()), description=_label(done, len(poses)))
+        ended = True
     finally:
         events.close()
         if not scheduler:
             store.clear_unfinished()
-        summary = summarize(store, wall_seconds=before + time.perf_counter() - start, workers=workers)
+        # An interrupted run ends at once; the next one looks for inverted cells.
+        summary = summarize(store, wall_seconds=before + time.perf_counter() - start, workers=workers, cells=ended)
         summary.save(store.folder / SUMMARY)
     return summary
 

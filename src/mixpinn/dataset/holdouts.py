@@ -1,7 +1,7 @@
 """Hold-outs: what a model has never seen, as selections of samples."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -63,6 +63,31 @@ HOLD_OUTS: dict[str, Selector] = {
 }
 """Named hold-outs: a rotation never seen, depths beyond 15 mm, the flanks, the caudal end."""
 
+NOISE = "noise"
+"""Name of the hold-out whose contact displacement is told with an error: nothing is left out of training."""
+NOISE_MM = 0.2
+"""Standard deviation of that error, each component of each contact node [mm]."""
+
+HOLD_OUT_NAMES = (*HOLD_OUTS, NOISE)
+"""Every hold-out that a command knows by name."""
+
+
+def with_contact_noise(table: SampleTable, *, deviation: float = NOISE_MM, seed: int = 0) -> SampleTable:
+    """The same samples, of which a model is told each contact displacement with a normal error.
+
+    The error of a component has mean zero and standard deviation `deviation` [mm], independent for every component of
+    every contact node of every sample, drawn from ``numpy.random.default_rng(seed)`` in the order of the samples. The
+    reference displacement stays the true one.
+    """
+    error = np.random.default_rng(seed).normal(0.0, deviation, (len(table.contact_nodes), 3))
+    return replace(table, contact_error=error)
+
+
+def held_out_samples(table: SampleTable, samples: SampleSplit) -> SampleTable:
+    """The test samples of a hold-out by name, noise included where its name says so."""
+    test = table.select(samples.test)
+    return with_contact_noise(test) if samples.name.rpartition("/")[2] == NOISE else test
+
 
 def split_samples(table: SampleTable, split: Split) -> SampleSplit:
     """Samples at the positions of each part of `split`."""
@@ -80,7 +105,7 @@ def hold_out(
     Args:
         table: the data set.
         split: its split by position.
-        name: of one of `HOLD_OUTS`, or any where `held` is given.
+        name: of one of `HOLD_OUT_NAMES`, or any where `held` is given.
         held: what is held out.
         unseen_positions: test at the split's test positions only, so that position and held property are both
             new; False tests at every position (needed where the hold-out is itself a region).
@@ -88,10 +113,13 @@ def hold_out(
     Raises:
         InputError: an unknown name, or nothing left to train or to test on.
     """
+    if name == NOISE and held is None:
+        whole = split_samples(table, split)
+        return replace(whole, name=f"{split.name}/{NOISE}")
     selector = held or HOLD_OUTS.get(name)
     if selector is None:
         raise InputError(
-            f"hold-out {name!r}", expected="one of " + ", ".join(HOLD_OUTS), got=name, fix="check the spelling",
+            f"hold-out {name!r}", expected="one of " + ", ".join(HOLD_OUT_NAMES), got=name, fix="check the spelling",
         )
     mask = selector(table)
     by_position = split_samples(table, split)

@@ -7,7 +7,7 @@ import numpy as np
 
 from mixpinn.base.arrays import AnyArray, IntArray
 from mixpinn.base.errors import InputError
-from mixpinn.base.files import read_json, write_json
+from mixpinn.base.files import hash_arrays, read_json, write_json
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +44,10 @@ class Split:
     def parts(self) -> dict[str, IntArray]:
         """The three sets by name."""
         return {"train": self.train, "validation": self.validation, "test": self.test}
+
+    def identity(self) -> str:
+        """Hash of the three sets."""
+        return hash_arrays(self.train, self.validation, self.test)
 
     def save(self, path: Path | str) -> None:
         """Write as JSON."""
@@ -94,19 +98,23 @@ def split_positions(
     return Split(f"positions-{seed}", order[:train], order[train: train + validation], order[train + validation:])
 
 
-def split_sofa_subset(positions: AnyArray) -> Split:
+def split_sofa_subset(positions: AnyArray, *, validate: bool = False) -> Split:
     """Split the positions of a partial data set: sorted, every fifth beginning with the third tests, the rest train.
 
     Args:
         positions: position indices, repeats allowed, shape (n,).
+        validate: set every sixth of the rest, beginning with the fourth, aside for validation.
 
     Raises:
-        InputError: fewer than three different positions.
+        InputError: fewer than three different positions (with `validate` eight).
     """
     order = np.unique(np.asarray(positions, dtype=np.int64))
-    if len(order) < 3:
+    if len(order) < (8 if validate else 3):
         raise InputError(
-            "split", expected="at least 3 probe positions", got=str(len(order)), fix="simulate more positions",
+            "split", expected=f"at least {8 if validate else 3} probe positions", got=str(len(order)),
+            fix="simulate more positions",
         )
     test = order[2::5]
-    return Split("every-fifth", np.setdiff1d(order, test), np.empty(0, dtype=np.int64), test)
+    rest = np.setdiff1d(order, test)
+    validation = rest[3::6] if validate else rest[:0]
+    return Split("every-fifth", np.setdiff1d(rest, validation), validation, test)

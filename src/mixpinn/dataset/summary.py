@@ -1,10 +1,12 @@
 """Summary: the totals of a store of simulations."""
 
 from collections import Counter
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from mixpinn.base.files import read_json, write_json
+from mixpinn.dataset.inverted_cells import InvertedCell, list_inverted
 from mixpinn.dataset.status import PoseState
 from mixpinn.dataset.store import SimulationStore
 
@@ -30,6 +32,7 @@ class GenerationSummary:
         wall_seconds: wall time of the generation, resumed runs added up [s].
         workers: worker processes of the last run.
         reasons: why poses failed, with the number of poses.
+        inverted: cells with det F ≤ 0, by pose and cell; None where they were not looked for.
     """
 
     poses: int
@@ -48,6 +51,7 @@ class GenerationSummary:
     wall_seconds: float
     workers: int
     reasons: dict[str, int]
+    inverted: tuple[InvertedCell, ...] | None = None
 
     def save(self, path: Path | str) -> None:
         """Write as JSON."""
@@ -63,7 +67,15 @@ class GenerationSummary:
         values = read_json(path)
         for key in ("min_jacobian", "worst_residual", "peak_penetration", "peak_energy"):
             values[key] = tuple(values[key]) if values[key] is not None else None
+        if values.get("inverted") is not None:
+            values["inverted"] = tuple(InvertedCell.of_json(cell) for cell in values["inverted"])
         return GenerationSummary(**values)
+
+    def totals(self) -> dict[str, Any]:
+        """Plain values without the list of inverted cells, which may be long."""
+        values = asdict(replace(self, inverted=None))
+        del values["inverted"]
+        return values
 
     def markdown(self) -> str:
         """A table of two columns."""
@@ -74,7 +86,8 @@ class GenerationSummary:
             "Poses done": f"{self.done} of {self.poses}", "Poses failed": str(self.failed),
             "Poses missing": str(self.missing), "Steps": str(self.steps), "Samples": str(self.contact_steps),
             "Steps that did not converge": str(self.failed_steps), "Newton iterations": str(self.iterations),
-            "Smallest det F": at(self.min_jacobian), "Worst residual": at(self.worst_residual),
+            "Smallest det F": at(self.min_jacobian), "Inverted cells": self._inverted(),
+            "Worst residual": at(self.worst_residual),
             "Peak penetration of the gap": at(self.peak_penetration, " mm"),
             "Peak elastic energy": at(self.peak_energy, " N mm"),
             "Time of all steps": f"{self.solve_seconds:.1f} s",
@@ -82,9 +95,24 @@ class GenerationSummary:
         }
         return "\n".join(["| | |", "| --- | --- |", *(f"| {name} | {value} |" for name, value in rows.items())]) + "\n"
 
+    def _inverted(self) -> str:
+        if self.inverted is None:
+            return "not looked for"
+        poses = len({entry.pose for entry in self.inverted})
+        return f"{len({entry.cell for entry in self.inverted})} in {poses} poses" if poses else "none"
 
-def summarize(store: SimulationStore, *, wall_seconds: float = 0.0, workers: int = 0) -> GenerationSummary:
-    """Add up the statuses of a store."""
+
+def summarize(
+    store: SimulationStore, *, wall_seconds: float = 0.0, workers: int = 0, cells: bool = True,
+) -> GenerationSummary:
+    """Add up the statuses of a store.
+
+    Args:
+        store: the simulations.
+        wall_seconds: of their generation [s].
+        workers: that generated them.
+        cells: whether to look for inverted cells; what an earlier call found is not sought again.
+    """
     statuses = store.statuses()
     states = Counter(status.state for status in statuses)
 
@@ -102,4 +130,5 @@ def summarize(store: SimulationStore, *, wall_seconds: float = 0.0, workers: int
         peak_penetration=extreme("peak_penetration", 1.0), peak_energy=extreme("peak_energy", 1.0),
         solve_seconds=sum(status.seconds for status in statuses), wall_seconds=wall_seconds, workers=workers,
         reasons=dict(Counter(status.reason for status in statuses if status.state is PoseState.FAILED)),
+        inverted=list_inverted(store, statuses) if cells else None,
     )

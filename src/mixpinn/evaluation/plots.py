@@ -25,7 +25,7 @@ from mixpinn.records import Evaluation
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#000000")
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 
-_STYLE = {
+PLOT_STYLE = {
     "font.family": "DejaVu Sans", "font.size": 10.0, "axes.titlesize": 11.0, "axes.titleweight": "bold",
     "axes.titlelocation": "left", "axes.spines.top": False, "axes.spines.right": False, "axes.edgecolor": "#555555",
     "axes.grid": True, "axes.axisbelow": True, "grid.color": "#e3e3e3", "grid.linewidth": 0.8, "legend.frameon": False,
@@ -36,8 +36,8 @@ _LOSS_COLUMNS = ("epoch", "train_loss", "validation_loss", "learning_rate")
 
 def error_against_depth(evaluations: Sequence[Evaluation]) -> Figure:
     """MEE against indentation depth: the median of each model in a band from the first to the third quartile."""
-    figure, axes = _figure()
-    with rc_context(_STYLE):
+    figure, axes = new_figure()
+    with rc_context(PLOT_STYLE):
         looks = _look(evaluation.model for evaluation in evaluations)
         for evaluation in evaluations:
             profile, (colour, marker) = depth_profile(evaluation), looks[evaluation.model]
@@ -56,8 +56,8 @@ def error_against_depth(evaluations: Sequence[Evaluation]) -> Figure:
 
 def error_distribution(evaluations: Sequence[Evaluation]) -> Figure:
     """Distribution of MEE over samples: one violin a model on a logarithmic axis, median and 95th percentile marked."""
-    figure, axes = _figure(height=1.2 + 0.75 * len(evaluations))
-    with rc_context(_STYLE):
+    figure, axes = new_figure(height=1.2 + 0.75 * len(evaluations))
+    with rc_context(PLOT_STYLE):
         shown = [np.log10(np.maximum(evaluation.metrics["mee"], 1e-9)) for evaluation in evaluations]
         places = np.arange(len(shown))[::-1]
         looks = _look(evaluation.model for evaluation in evaluations)
@@ -87,8 +87,8 @@ def error_distribution(evaluations: Sequence[Evaluation]) -> Figure:
 def error_by_part(evaluations: Sequence[Evaluation]) -> Figure:
     """Mean MEE of the soft tissue and of each rigid part: a group of bars a part, one bar a model."""
     names = list(dict.fromkeys(name for evaluation in evaluations for name in evaluation.by_part))
-    figure, axes = _figure()
-    with rc_context(_STYLE):
+    figure, axes = new_figure()
+    with rc_context(PLOT_STYLE):
         looks = _look(evaluation.model for evaluation in evaluations)
         width = 0.8 / max(1, len(evaluations))
         for index, evaluation in enumerate(evaluations):
@@ -114,8 +114,8 @@ def loss_curves(logs: Mapping[str, Path | str], *, models: Sequence[str] = ()) -
     Raises:
         InputError: a log is absent or has other columns.
     """
-    figure, axes = _figure()
-    with rc_context(_STYLE):
+    figure, axes = new_figure()
+    with rc_context(PLOT_STYLE):
         losses = []
         looks = _look([*models, *logs])
         for name, path in logs.items():
@@ -137,19 +137,20 @@ def loss_curves(logs: Mapping[str, Path | str], *, models: Sequence[str] = ()) -
 def figure_png(figure: Figure, *, dpi: int = 160) -> bytes:
     """The figure as the bytes of a PNG."""
     buffer = io.BytesIO()
-    with rc_context(_STYLE):
+    with rc_context(PLOT_STYLE):
         figure.savefig(buffer, format="png", dpi=dpi, bbox_inches="tight")
     return buffer.getvalue()
 
 
 def save_figure(figure: Figure, path: Path | str, *, dpi: int = 160) -> None:
     """Write the figure in the format of the suffix (``.png``, ``.svg``, ``.pdf``)."""
-    with rc_context(_STYLE), atomic_path(path) as temporary:
+    with rc_context(PLOT_STYLE), atomic_path(path) as temporary:
         figure.savefig(temporary, dpi=dpi, bbox_inches="tight")
 
 
-def _figure(*, height: float = 3.9) -> tuple[Figure, Axes]:
-    with rc_context(_STYLE):
+def new_figure(*, height: float = 3.9) -> tuple[Figure, Axes]:
+    """An empty figure of the plots' width in their style, and its axes."""
+    with rc_context(PLOT_STYLE):
         figure = Figure(figsize=(7.2, height), layout="constrained")
         FigureCanvasAgg(figure)
         return figure, figure.add_subplot()

@@ -131,6 +131,8 @@ class PoseSimulator:
             # Skin slid under the probe from beside the patch: widen it, and repeat the step if any was touched.
             known = beside[:0] if patch is None else patch.vertices
             wider = self.contact.reachable(vertices, [pose], margin=_MARGIN).vertices
+            # `beside` as well: contact points on the probe may lie farther apart than the margin.
+            wider = np.union1d(wider, beside)
             self.solver.begin(SkinPatch.of_vertices(self.contact.skin, np.union1d(known, wider)))
             touched = self.contact.near_vertices(vertices, pose, self.contact.config.gap)
             if not len(np.setdiff1d(touched, known)):

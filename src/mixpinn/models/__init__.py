@@ -3,6 +3,7 @@
 from mixpinn.models.attention import Backend, GraphAttention
 from mixpinn.models.checkpoint import (
     MESH_FILE,
+    WEIGHTS_FILE,
     describe_training,
     load_checkpoint,
     model_name,
@@ -19,9 +20,9 @@ from mixpinn.models.tensor_file import read_tensors, write_tensors
 from mixpinn.models.topology import AttentionTopology, build_topology
 
 __all__ = [
-    "ABLATION", "MESH_FILE", "MIXPINN", "MODELS", "PHYSGNN", "SIMPLE_GAT", "WIDTHS", "AttentionTopology", "Backend",
-    "DisplacementModel", "GATNetwork", "GraphAttention", "ModelConfig", "PhysGNNNetwork", "build_graph_for",
-    "build_model", "build_topology", "describe_training", "fused_attention", "load_checkpoint",
-    "mean_euclidean_error", "mesh_output", "model_name", "read_description", "read_tensors", "rigid_edge_error",
-    "rigid_edge_loss", "save_checkpoint", "write_tensors",
+    "ABLATION", "MESH_FILE", "MIXPINN", "MODELS", "PHYSGNN", "SIMPLE_GAT", "WEIGHTS_FILE", "WIDTHS",
+    "AttentionTopology", "Backend", "DisplacementModel", "GATNetwork", "GraphAttention", "ModelConfig",
+    "PhysGNNNetwork", "build_graph_for", "build_model", "build_topology", "describe_training", "fused_attention",
+    "load_checkpoint", "mean_euclidean_error", "mesh_output", "model_name", "read_description", "read_tensors",
+    "rigid_edge_error", "rigid_edge_loss", "save_checkpoint", "write_tensors",
 ]

@@ -16,11 +16,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.linalg
-from scipy.spatial.transform import Rotation
 
 from mixpinn.base.arrays import AnyArray, Float32Array, FloatArray, IntArray
 from mixpinn.base.errors import InputError
 from mixpinn.base.files import atomic_path, read_json, write_json
+from mixpinn.models.coordinates import ReducedCoordinates
+from mixpinn.models.row_products import combine_rows
 from mixpinn.records import TissueMesh
 
 if TYPE_CHECKING:
@@ -29,6 +30,26 @@ if TYPE_CHECKING:
     from mixpinn.fem import LinearSolver, Material
 
 _ABOUT, _COMPLIANCE = "prior.json", "compliance.npy"
+
+
+class ContactSystem:
+    """Some contact nodes of a prior, held together: l nodes.
+
+    Attributes:
+        rows: their rows in the compliance, shape (3 l,).
+        unknowns: the reduced unknowns that are their displacements, shape (3 l,).
+    """
+
+    def __init__(self, rows: IntArray, unknowns: IntArray, own: FloatArray) -> None:
+        self.rows, self.unknowns = rows, unknowns
+        self._factor = scipy.linalg.cho_factor(own, lower=True, overwrite_a=True, check_finite=False)
+
+    def solve(self, displacement: AnyArray) -> FloatArray:
+        """Forces [N], shape (3 l,), that displace the nodes by `displacement` [mm], shape (3 l,)."""
+        force: FloatArray = scipy.linalg.cho_solve(
+            self._factor, np.asarray(displacement, dtype=np.float64), check_finite=False,
+        )
+        return force
 
 
 def probed_nodes(mesh: TissueMesh, *, margin: float = 60.0) -> IntArray:
@@ -69,11 +90,29 @@ class ElasticPrior:
     name: str = "Elastic prior"
 
     def __post_init__(self) -> None:
-        free = np.flatnonzero((self.mesh.part == 0) & ~self.mesh.fixed)
-        order = np.searchsorted(free, self.nodes)
+        coordinates = ReducedCoordinates(self.mesh)
+        order = np.searchsorted(coordinates.free, self.nodes)
         own = self.compliance[:, (3 * order[:, None] + np.arange(3)).ravel()].astype(np.float64)
-        object.__setattr__(self, "_free", free)
+        object.__setattr__(self, "_coordinates", coordinates)
+        object.__setattr__(self, "_first_unknown", 3 * order)
         object.__setattr__(self, "_own", 0.5 * (own + own.T))
+
+    @property
+    def coordinates(self) -> ReducedCoordinates:
+        """The reduced unknowns."""
+        found: ReducedCoordinates = self._coordinates  # type: ignore[attr-defined]
+        return found
+
+    def hold(self, nodes: AnyArray) -> ContactSystem:
+        """The system of contact nodes (l,), which several solves share.
+
+        Raises:
+            InputError: a node that the prior was not prepared for.
+        """
+        rows = self._rows(nodes)
+        own: FloatArray = self._own[np.ix_(rows, rows)]  # type: ignore[attr-defined]
+        first: IntArray = self._first_unknown[rows[::3] // 3]  # type: ignore[attr-defined]
+        return ContactSystem(rows, (first[:, None] + np.arange(3)).ravel(), own)
 
     @staticmethod
     def build(
@@ -126,6 +165,18 @@ class ElasticPrior:
         Raises:
             InputError: a node that the prior was not prepared for.
         """
+        contact = self.hold(nodes)
+        force = contact.solve(np.asarray(displacement).ravel())
+        return self.respond_to_forces(contact, force).astype(np.float64), force.reshape(-1, 3)
+
+    def respond_to_forces(self, contact: ContactSystem, force: AnyArray) -> Float32Array:
+        """The reduced unknowns [mm, rad], shape (D,), under forces [N], shape (3 l,), on contact nodes."""
+        unknowns = np.zeros(self.compliance.shape[1], dtype=np.float32)
+        combine_rows(self.compliance, contact.rows, np.asarray(force, dtype=np.float32).ravel(), unknowns)
+        return unknowns
+
+    def _rows(self, nodes: AnyArray) -> IntArray:
+        """Rows of the compliance that belong to contact nodes, shape (3 l,)."""
         index = np.minimum(np.searchsorted(self.nodes, nodes), len(self.nodes) - 1)
         if (self.nodes[index] != nodes).any():
             unknown = int(np.asarray(nodes)[self.nodes[index] != nodes][0])
@@ -133,22 +184,12 @@ class ElasticPrior:
                 "contact nodes", expected="nodes of the probed skin", got=f"node {unknown}",
                 fix="build the prior with a larger set of nodes",
             )
-        rows = (3 * index[:, None] + np.arange(3)).ravel()
-        own: FloatArray = self._own[np.ix_(rows, rows)]  # type: ignore[attr-defined]
-        force = scipy.linalg.solve(own, np.asarray(displacement, dtype=np.float64).ravel(), assume_a="pos")
-        unknowns = force.astype(np.float32) @ self.compliance[rows]
-        return unknowns.astype(np.float64), force.reshape(-1, 3)
+        rows: IntArray = (3 * index[:, None] + np.arange(3)).ravel()
+        return rows
 
-    def expand(self, unknowns: FloatArray) -> FloatArray:
-        """Displacement of every mesh node [mm], shape (n, 3), for reduced unknowns; twists as finite rotations."""
-        free: IntArray = self._free  # type: ignore[attr-defined]
-        field = np.zeros((self.mesh.n_points, 3))
-        field[free] = unknowns[: 3 * len(free)].reshape(-1, 3)
-        for k, twist in enumerate(unknowns[3 * len(free) :].reshape(-1, 6), start=1):
-            part = self.mesh.part_nodes(k)
-            arm = self.mesh.points[part] - self.mesh.points[part].mean(axis=0)
-            field[part] = twist[:3] + arm @ (Rotation.from_rotvec(twist[3:]).as_matrix() - np.eye(3)).T
-        return field
+    def expand(self, unknowns: AnyArray) -> Float32Array:
+        """Displacement of every mesh node [mm], float32, shape (n, 3), for unknowns (D,), with finite rotations."""
+        return self.coordinates.expand(unknowns)
 
     def predict(self, contact_displacement: AnyArray) -> Float32Array:
         """Displacement of every node [mm], shape (n, 3), from that of the contact nodes, zero elsewhere (n, 3)."""
@@ -156,7 +197,7 @@ class ElasticPrior:
         if not len(nodes):
             return np.zeros((self.mesh.n_points, 3), dtype=np.float32)
         unknowns, _ = self.respond(nodes, contact_displacement[nodes])
-        return self.expand(unknowns).astype(np.float32)
+        return self.expand(unknowns)
 
     def save(self, folder: Path | str) -> None:
         """Write the compliance (.npy, mapped into memory when read) and what it belongs to."""

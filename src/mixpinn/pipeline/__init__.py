@@ -1,5 +1,7 @@
 """What runs several stages."""
 
+from mixpinn.pipeline.ablation import run_ablation
+from mixpinn.pipeline.ablation_config import ABLATION_RUNS, ROWS, AblationConfig, OtherProbe
 from mixpinn.pipeline.config import RunConfig
 from mixpinn.pipeline.demo import DEMO
 from mixpinn.pipeline.evaluation_stage import Background, EvaluationConfig, evaluate_models
@@ -16,8 +18,8 @@ from mixpinn.pipeline.sofa_stage import export_sofa, import_sofa_recordings
 from mixpinn.pipeline.training_stage import ModelsConfig, SplitConfig, load_samples, train_model
 
 __all__ = [
-    "DEMO", "PAPER_TISSUE_CONFIG", "Background", "EvaluationConfig", "ModelsConfig", "RunConfig", "SimulationConfig",
-    "SplitConfig", "TissueConfig", "evaluate_models", "export_sofa", "fidelity_table",
-    "findings_table", "import_sofa_recordings", "load_samples", "make_scene", "make_simulations",
-    "quality_table", "run_pipeline", "train_model",
+    "ABLATION_RUNS", "DEMO", "PAPER_TISSUE_CONFIG", "ROWS", "AblationConfig", "Background", "EvaluationConfig",
+    "ModelsConfig", "OtherProbe", "RunConfig", "SimulationConfig", "SplitConfig", "TissueConfig", "evaluate_models",
+    "export_sofa", "fidelity_table", "findings_table", "import_sofa_recordings", "load_samples", "make_scene",
+    "make_simulations", "quality_table", "run_ablation", "run_pipeline", "train_model",
 ]

@@ -12,7 +12,7 @@ from mixpinn.base.errors import InputError
 from mixpinn.base.files import hash_arrays
 from mixpinn.base.progress import console
 from mixpinn.base.rundir import finish_run, is_finished, start_run, versions
-from mixpinn.dataset import GenerationSummary, SimulationStore, Split, dataset_table
+from mixpinn.dataset import GenerationSummary, SimulationStore, Split, dataset_table, held_out_samples
 from mixpinn.evaluation import (
     Case,
     DisplacementModel,
@@ -30,6 +30,7 @@ from mixpinn.evaluation import (
 )
 from mixpinn.models.prior import ElasticPrior, probed_nodes
 from mixpinn.pipeline.simulation_stage import SimulationConfig, TissueConfig
+from mixpinn.pipeline.training_stage import choose_samples
 from mixpinn.records import Evaluation, Probe, SampleTable, TissueMesh
 from mixpinn.serving import Predictor
 
@@ -97,7 +98,7 @@ def build_prior(mesh: TissueMesh, tissues: Mapping[str, TissueConfig], default: 
 
 def evaluate_models(
     models: Sequence[Path | str], store: SimulationStore, table: SampleTable, split: Split, config: EvaluationConfig, *,
-    out: Path | str, background: Background | None = None, threads: int | None = None,
+    out: Path | str, background: Background | None = None, threads: int | None = None, held_out: str | None = None,
 ) -> tuple[tuple[Evaluation, ...], Path]:
     """Evaluate trained models and the untrained baselines on the test positions; write the report.
 
@@ -111,6 +112,7 @@ def evaluate_models(
             finished evaluation there is read again.
         background: what the report tells besides.
         threads: CPU threads of the models.
+        held_out: a hold-out by name, whose test samples are taken instead of all at the test positions.
 
     Returns:
         The evaluations, and the path of the report.
@@ -119,7 +121,7 @@ def evaluate_models(
         InputError: a model of another mesh or a damaged one.
     """
     out, background = Path(out), background or Background()
-    mesh, test = store.mesh(), table.at_positions(split.test)
+    mesh, test = store.mesh(), held_out_samples(table, choose_samples(table, split, held_out))
     trained = [_load(folder, mesh, threads) for folder in models]
     begun = start_run(
         out, "evaluate", config, seed=config.seed,
@@ -137,7 +139,7 @@ def evaluate_models(
     candidates += trained
     evaluations = []
     for index, model in enumerate(candidates):
-        evaluations.append(evaluate(model, test, mesh, split="test", notes={"split": split.name}))
+        evaluations.append(evaluate(model, test, mesh, split=held_out or "test", notes={"split": split.name}))
         evaluations[-1].save(out / f"evaluation-{index:02d}-{_slug(model.name)}.json")
     pictures: tuple[Picture, ...] = ()
     note = ""
@@ -173,6 +175,7 @@ def _identity(table: SampleTable) -> str:
     """Which samples are evaluated; what the fields are is told by the identity of the store."""
     return hash_arrays(
         table.position_index, table.rotation_deg, table.depth, table.contact_offsets, table.contact_nodes,
+        *(() if table.contact_error is None else (table.contact_error,)),
     )
 
 

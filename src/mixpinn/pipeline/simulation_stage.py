@@ -182,6 +182,6 @@ def make_simulations(
             fix="correct the settings and simulate into another folder",
         )
     save_pose_map(store, out / "poses.png")
-    finish_run(out, asdict(summary))
+    finish_run(out, summary.totals())
     console.print(summary.markdown())
     return store, summary

@@ -1,6 +1,5 @@
 """Scenes to SOFA and recordings from SOFA, as run directories like those of our own simulations."""
 
-from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -85,5 +84,5 @@ def import_sofa_recordings(
     )
     for key, pose in poses.items():
         store.save(pose, simulations[key])
-    finish_run(out, asdict(summarize(store)))
+    finish_run(out, summarize(store, cells=False).totals())
     return store

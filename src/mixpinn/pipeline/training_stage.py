@@ -4,12 +4,27 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
 
+import numpy as np
+
 from mixpinn.base.errors import InputError
-from mixpinn.dataset import PoseState, SimulationStore, Split, build_sample_table, split_positions
+from mixpinn.dataset import (
+    PoseState,
+    SampleSplit,
+    SimulationStore,
+    Split,
+    build_sample_table,
+    hold_out,
+    split_positions,
+    split_samples,
+    split_sofa_subset,
+)
 from mixpinn.graph import Scaling
 from mixpinn.models import MODELS, ModelConfig
 from mixpinn.records import SampleTable
 from mixpinn.training import PHYSGNN_TRAINING, TrainConfig, TrainingResult, train_stage
+
+EVERY_FIFTH = "every-fifth"
+"""Name of the split for data sets that hold only some of the listed positions."""
 
 
 @dataclass(frozen=True)
@@ -19,7 +34,8 @@ class SplitConfig:
     Attributes:
         ratios: of train, validation and test positions.
         seed: of the permutation.
-        file: a split as JSON, used instead.
+        file: a split as JSON, used instead; or ``every-fifth``: of the positions that have samples, sorted, every
+            fifth beginning with the third tests, and every sixth of the rest, beginning with the fourth, validates.
         contact: which nodes are contact nodes: those that carry force, or all that are near.
     """
 
@@ -78,6 +94,8 @@ class ModelsConfig:
 
 def make_split(store: SimulationStore, config: SplitConfig) -> Split:
     """The split of the store's probe positions."""
+    if config.file == EVERY_FIFTH:
+        return split_sofa_subset(np.array([pose.position_index for pose in store.poses]), validate=True)
     if config.file is not None:
         return Split.load(config.file)
     return split_positions(len(store.positions), ratios=config.ratios, seed=config.seed)
@@ -106,13 +124,34 @@ def load_samples(store: SimulationStore, config: SplitConfig) -> tuple[SampleTab
     return table, split
 
 
+def choose_samples(table: SampleTable, split: Split, held_out: str | None) -> SampleSplit:
+    """Samples of the split's parts, without those that the hold-out `held_out` (by name) keeps for its test.
+
+    Raises:
+        InputError: an unknown hold-out, or one that leaves nothing to train or to test on.
+    """
+    return split_samples(table, split) if held_out is None else hold_out(table, split, name=held_out)
+
+
 def train_model(
     name: str, config: ModelsConfig, table: SampleTable, split: Split, store: SimulationStore, *, out: Path | str,
-    devices: int = 1,
+    devices: int = 1, held_out: str | None = None,
 ) -> TrainingResult:
-    """Train one model in the run directory `out`; an interrupted run goes on."""
+    """Train one model in the run directory `out`; an interrupted run goes on.
+
+    Args:
+        name: of the model.
+        config: width, scaling, optimizer.
+        table: the samples.
+        split: of their positions.
+        store: the simulations.
+        out: run directory.
+        devices: processes, each with a device of its own.
+        held_out: a hold-out by name whose samples training and validation do not see.
+    """
+    samples = choose_samples(table, split, held_out)
     return train_stage(
         out, config.model(name), config.training(name), mesh=store.mesh(),
-        table_train=table.at_positions(split.train), table_validation=table.at_positions(split.validation),
+        table_train=table.select(samples.train), table_validation=table.select(samples.validation),
         inputs={"store": store.folder / "store.json"}, devices=devices,
     )

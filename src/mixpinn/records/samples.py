@@ -1,10 +1,15 @@
 """Sample: one loaded step; SampleTable: all samples of a data set on one mesh."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from pathlib import Path
 
 import numpy as np
 
 from mixpinn.base.arrays import AnyArray, BoolArray, Float32Array, FloatArray, IntArray
+from mixpinn.base.errors import InputError
+from mixpinn.base.files import atomic_path, read_json, write_json
+
+_ABOUT = "samples.json"
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +46,8 @@ class SampleTable:
         contact_forces: force on each contact node [N], shape (c, 3).
         probe_wrench: force [N] and moment about the tip [N mm] of the tissue on the probe, shape (N, 6).
         displacement: of every mesh node [mm], float32, shape (N, n, 3); may be memory-mapped.
+        contact_error: by how much the contact displacement that a model is told differs from the true one [mm], shape
+            (c, 3); None where a model is told the truth.
     """
 
     mesh_hash: str
@@ -54,6 +61,7 @@ class SampleTable:
     contact_forces: FloatArray
     probe_wrench: FloatArray
     displacement: Float32Array
+    contact_error: FloatArray | None = None
 
     def __len__(self) -> int:
         return len(self.depth)
@@ -63,7 +71,7 @@ class SampleTable:
         field = self.displacement[index]
         return Sample(
             int(self.position_index[index]), float(self.rotation_deg[index]), float(self.depth[index]),
-            nodes, field[nodes].astype(np.float64), field,
+            nodes, self._told(index).astype(np.float64), field,
         )
 
     def contacts(self, index: int) -> IntArray:
@@ -82,6 +90,7 @@ class SampleTable:
             self.probe_translation[index], self.probe_rotation[index],
             np.concatenate([[0], np.cumsum(counts)]), self.contact_nodes[entries], self.contact_forces[entries],
             self.probe_wrench[index], self.displacement[index],
+            None if self.contact_error is None else self.contact_error[entries],
         )
 
     def at_positions(self, positions: AnyArray) -> "SampleTable":
@@ -92,6 +101,44 @@ class SampleTable:
     def contact_field(self, index: int) -> Float32Array:
         """Displacement of the contact nodes, zero elsewhere [mm], shape (n, 3): the models' input."""
         field = np.zeros_like(self.displacement[index])
-        nodes = self.contacts(index)
-        field[nodes] = self.displacement[index][nodes]
+        field[self.contacts(index)] = self._told(index)
         return field
+
+    def _told(self, index: int) -> Float32Array:
+        """Displacement of the contact nodes as a model is told it [mm], shape (c, 3)."""
+        told: Float32Array = self.displacement[index][self.contacts(index)]
+        if self.contact_error is not None:
+            entries = slice(int(self.contact_offsets[index]), int(self.contact_offsets[index + 1]))
+            told = (told + self.contact_error[entries]).astype(np.float32)
+        return told
+
+    def save(self, folder: Path | str) -> None:
+        """Write a folder with one ``.npy`` an array, atomically."""
+        with atomic_path(folder) as temporary:
+            temporary.mkdir()
+            for field in fields(self):
+                value = getattr(self, field.name)
+                if isinstance(value, np.ndarray):
+                    np.save(temporary / f"{field.name}.npy", value, allow_pickle=False)
+            write_json(temporary / _ABOUT, {"mesh_hash": self.mesh_hash, "samples": len(self)})
+
+    @staticmethod
+    def load(folder: Path | str) -> "SampleTable":
+        """Read what `save` wrote; the displacement is memory-mapped.
+
+        Raises:
+            InputError: absent or damaged.
+        """
+        folder = Path(folder)
+        about = read_json(folder / _ABOUT)
+        try:
+            arrays = {
+                path.stem: np.load(path, allow_pickle=False, mmap_mode="r" if path.stem == "displacement" else None)
+                for path in folder.glob("*.npy")
+            }
+            return SampleTable(mesh_hash=str(about["mesh_hash"]), **arrays)
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            raise InputError(
+                str(folder), expected="a table of samples", got=f"{type(error).__name__}: {error}",
+                fix="delete the folder and give the command again",
+            ) from error

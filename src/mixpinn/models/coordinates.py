@@ -1,0 +1,93 @@
+"""ReducedCoordinates: the unknowns of the mixed-material body, and how fields of the mesh are made of them.
+
+Three displacements for each free soft node in ascending order, then translation of the centroid and rotation vector of
+each rigid part: the unknowns of `mixpinn.fem.ElasticSystem`, without the solver.
+"""
+
+from functools import cached_property
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from mixpinn.base.arrays import AnyArray, Float32Array, FloatArray, IntArray
+from mixpinn.records import TissueMesh
+
+
+def rotations(vectors: AnyArray) -> FloatArray:
+    """Rotation matrices of rotation vectors (K, 3) [rad], shape (K, 3, 3)."""
+    matrices: FloatArray = Rotation.from_rotvec(np.asarray(vectors, dtype=np.float64).reshape(-1, 3)).as_matrix()
+    return matrices
+
+
+class ReducedCoordinates:
+    """Unknowns of a mesh with n nodes, s free soft nodes and K rigid parts; D = 3 s + 6 K.
+
+    Attributes:
+        free: the free soft nodes, ascending, shape (s,).
+        parts: nodes of each rigid part.
+        arms: rest position of each of their nodes less the part's centroid [mm], shapes (p, 3).
+    """
+
+    def __init__(self, mesh: TissueMesh) -> None:
+        self.free: IntArray = np.flatnonzero((mesh.part == 0) & ~mesh.fixed)
+        self.parts: list[IntArray] = [mesh.part_nodes(k + 1) for k in range(mesh.n_parts)]
+        self.arms: list[FloatArray] = [mesh.points[nodes] - mesh.points[nodes].mean(axis=0) for nodes in self.parts]
+        self.n_points = mesh.n_points
+
+    @property
+    def size(self) -> int:
+        """Number of unknowns D."""
+        return 3 * len(self.free) + 6 * len(self.parts)
+
+    @property
+    def n_soft(self) -> int:
+        """Number of soft unknowns 3 s; the twists follow them."""
+        return 3 * len(self.free)
+
+    @cached_property
+    def weights(self) -> Float32Array:
+        """√w with Σ w q² ≈ Σ_nodes |u|²: what an unknown weighs in displacements of nodes, shape (D,)."""
+        weight = np.ones(self.size)
+        for k, arm in enumerate(self.arms):
+            twist = weight[self.n_soft + 6 * k:][:6]
+            twist[:3] = np.sqrt(len(arm))
+            squared = (arm**2).sum(axis=0)
+            twist[3:] = np.sqrt(squared.sum() - squared)
+        return weight.astype(np.float32)
+
+    def twists(self, unknowns: AnyArray) -> FloatArray:
+        """Translation [mm] and rotation vector [rad] of each part, shape (K, 6)."""
+        return np.asarray(unknowns[self.n_soft:], dtype=np.float64).reshape(-1, 6)
+
+    def expand(self, unknowns: AnyArray) -> Float32Array:
+        """Displacement of every mesh node [mm], float32, shape (n, 3): rigid parts move by finite rotations.
+
+        Args:
+            unknowns: [mm, rad], shape (D,).
+        """
+        field = np.zeros((self.n_points, 3), dtype=np.float32)
+        field[self.free] = unknowns[: self.n_soft].reshape(-1, 3)
+        self.place_parts(unknowns, field)
+        return field
+
+    def place_parts(self, unknowns: AnyArray, field: AnyArray) -> None:
+        """Write the motion t + (R − 1) (X − c) of the rigid parts' nodes into `field` (n, 3), in its precision."""
+        twists = self.twists(unknowns)
+        turns = rotations(twists[:, 3:]) - np.eye(3)
+        for nodes, arm, twist, turn in zip(self.parts, self.arms, twists, turns, strict=True):
+            field[nodes] = twist[:3] + arm @ turn.T
+
+    def project(self, field: AnyArray) -> FloatArray:
+        """Unknowns [mm, rad], shape (D,), of a field [mm], shape (n, 3), that moves the parts rigidly.
+
+        Rotations by least squares (W. Kabsch, Acta Crystallographica A32, 1976).
+        """
+        unknowns = np.empty(self.size)
+        unknowns[: self.n_soft] = np.asarray(field)[self.free].ravel()
+        for k, (nodes, arm) in enumerate(zip(self.parts, self.arms, strict=True)):
+            moved = arm + np.asarray(field, dtype=np.float64)[nodes]
+            shift = moved.mean(axis=0)
+            u, _, vt = np.linalg.svd((moved - shift).T @ arm)
+            turn = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
+            unknowns[self.n_soft + 6 * k:][:6] = [*shift, *Rotation.from_matrix(turn).as_rotvec()]
+        return unknowns

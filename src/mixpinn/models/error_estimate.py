@@ -1,0 +1,125 @@
+"""ErrorEstimate: which error to expect of a prediction, from what its own equilibrium says.
+
+A predicted state that is not in equilibrium shows it: the Newton step that remains at it is the error's shadow in the
+modes. Together with how far the correction went and how much of it was not the Newton step itself, it tells the mean
+error by a log-linear law, log ê = c₀ + Σ c_i log s_i, fitted on samples that the correction was not fitted on. A bound
+is ê times the quantile of e / ê on such samples.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from mixpinn.base.arrays import AnyArray, FloatArray
+
+_LOW = 8
+"""Modes that count as large-scale."""
+_FLOOR = 1e-6
+
+
+@dataclass(frozen=True)
+class Signs:
+    """What an error shows in, for one prediction.
+
+    Attributes:
+        size: norms of the Newton step from the prior, of the correction, of their difference, and of the step that
+            remains at the prediction in large-scale and in all other modes [mm times √n], shape (5,).
+        coordinates: principal coordinates of the prior's response, shape (k,).
+    """
+
+    size: FloatArray
+    coordinates: FloatArray
+
+    @staticmethod
+    def of(step: AnyArray, correction: AnyArray, remaining: AnyArray, coordinates: AnyArray) -> "Signs":
+        """From coefficients in the modes, shapes (m,), and principal coordinates (k,)."""
+        parts = (step, correction, correction - step, remaining[:_LOW], remaining[_LOW:])
+        return Signs(
+            np.array([np.linalg.norm(part) for part in parts], dtype=np.float64),
+            np.asarray(coordinates, dtype=np.float64),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class ErrorEstimate:
+    """A calibrated estimate of the mean Euclidean error.
+
+    Attributes:
+        coefficients: c₀ and c_i, shape (6,).
+        factor: quantile of e / ê that the bound uses.
+        level: its probability.
+        spread: inverse covariance of the training samples' coordinates, shape (k, k).
+        farthest: largest distance of a training sample from their mean zero in this metric; beyond it an input is
+            outside of what the model has seen.
+    """
+
+    coefficients: FloatArray
+    factor: float
+    level: float
+    spread: FloatArray
+    farthest: float
+
+    def expected(self, signs: Signs) -> float:
+        """Expected mean Euclidean error [mm]."""
+        return float(np.exp(self.coefficients @ _row(signs)))
+
+    def bound(self, signs: Signs) -> float:
+        """Bound that the mean Euclidean error [mm] keeps with probability `level`."""
+        return self.factor * self.expected(signs)
+
+    def outside(self, signs: Signs) -> bool:
+        """Whether the input lies outside of what the model has seen in training."""
+        return float(np.sqrt(signs.coordinates @ self.spread @ signs.coordinates)) > self.farthest
+
+    @staticmethod
+    def fit(
+        signs: list[Signs], error: AnyArray, *, training_coordinates: AnyArray, level: float = 0.95,
+        ridge: float = 1e-2,
+    ) -> "ErrorEstimate":
+        """Calibrate on samples that the model was not fitted on.
+
+        Args:
+            signs: of each sample, S of them.
+            error: their mean Euclidean error [mm], shape (S,).
+            training_coordinates: of the samples that the model was fitted on, shape (T, k).
+            level: probability of the bound.
+            ridge: keeps collinear signs apart.
+        """
+        rows = np.array([_row(sign) for sign in signs])
+        target = np.log(np.maximum(error, _FLOOR))
+        centre = rows.mean(axis=0)
+        centred = rows[:, 1:] - centre[1:]
+        normal = centred.T @ centred + ridge * len(rows) * np.eye(centred.shape[1])
+        slopes = np.linalg.solve(normal, centred.T @ (target - target.mean()))
+        coefficients = np.concatenate([[target.mean() - slopes @ centre[1:]], slopes])
+        ratio = np.exp(target - rows @ coefficients)
+        # The quantile of a finite sample, with the margin of conformal prediction.
+        rank = min(1.0, np.ceil((len(ratio) + 1) * level) / len(ratio))
+        trained = np.asarray(training_coordinates, dtype=np.float64)
+        covariance = trained.T @ trained / len(trained)
+        spread = np.linalg.inv(covariance + 1e-9 * np.trace(covariance) * np.eye(len(covariance)))
+        distance = np.sqrt(np.einsum("ti,ij,tj->t", trained, spread, trained))
+        return ErrorEstimate(
+            coefficients, float(np.quantile(ratio, rank)), level, spread, float(distance.max()),
+        )
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain values."""
+        return {
+            "coefficients": self.coefficients, "factor": self.factor, "level": self.level, "spread": self.spread,
+            "farthest": self.farthest,
+        }
+
+    @staticmethod
+    def of_dict(values: Mapping[str, Any]) -> "ErrorEstimate":
+        """From what `as_dict` gave."""
+        return ErrorEstimate(
+            np.array(values["coefficients"], dtype=np.float64), float(values["factor"]), float(values["level"]),
+            np.array(values["spread"], dtype=np.float64), float(values["farthest"]),
+        )
+
+
+def _row(signs: Signs) -> FloatArray:
+    return np.concatenate([[1.0], np.log(np.maximum(signs.size, _FLOOR))])

@@ -1,0 +1,41 @@
+"""Products with chosen rows of a large single-precision matrix that may lie on disk: the rows are never copied.
+
+Each sum runs in the same order whatever the number of threads.
+"""
+
+from numba import njit, prange
+from numpy import float32
+
+from mixpinn.base.arrays import Float32Array, IntArray
+
+_CHUNKS = 64
+
+
+@njit(parallel=True, fastmath=True, cache=True)
+def combine_rows(matrix: Float32Array, rows: IntArray, factors: Float32Array, out: Float32Array) -> None:
+    """out += Σ_k factors_k matrix[rows_k]."""
+    size = len(out)
+    for chunk in prange(_CHUNKS):
+        start, stop = chunk * size // _CHUNKS, (chunk + 1) * size // _CHUNKS
+        whole = len(rows) - len(rows) % 4
+        # Four rows at a time: the sum is read and written once for four products.
+        for k in range(0, whole, 4):
+            a, b, c, d = matrix[rows[k]], matrix[rows[k + 1]], matrix[rows[k + 2]], matrix[rows[k + 3]]
+            fa, fb, fc, fd = factors[k], factors[k + 1], factors[k + 2], factors[k + 3]
+            for i in range(start, stop):
+                out[i] += fa * a[i] + fb * b[i] + fc * c[i] + fd * d[i]
+        for k in range(whole, len(rows)):
+            a, fa = matrix[rows[k]], factors[k]
+            for i in range(start, stop):
+                out[i] += fa * a[i]
+
+
+@njit(parallel=True, fastmath=True, cache=True)
+def rows_times(matrix: Float32Array, rows: IntArray, vector: Float32Array, out: Float32Array) -> None:
+    """out_k = matrix[rows_k] · vector."""
+    for chunk in prange(_CHUNKS):
+        for k in range(chunk * len(rows) // _CHUNKS, (chunk + 1) * len(rows) // _CHUNKS):
+            row, total = matrix[rows[k]], float32(0.0)
+            for i in range(len(vector)):
+                total += row[i] * vector[i]
+            out[k] = total

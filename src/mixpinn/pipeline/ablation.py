@@ -1,0 +1,181 @@
+"""The paper's experiments in one command: simulations, every row's training, tests and tables."""
+
+import os
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from mixpinn.anatomy import make_anatomy
+from mixpinn.base.config import build_config
+from mixpinn.base.errors import InputError, MixpinnError
+from mixpinn.base.files import hash_arrays, read_json, write_json
+from mixpinn.base.progress import console
+from mixpinn.base.rundir import finish_run, start_run
+from mixpinn.dataset import SimulationStore, Split
+from mixpinn.evaluation import ZeroModel
+from mixpinn.graph import part_diameters
+from mixpinn.mesh import make_mesh
+from mixpinn.pipeline.ablation_config import AblationConfig
+from mixpinn.pipeline.ablation_jobs import SAMPLES, evaluate_once, evaluation_path, plan_jobs, test_set_names
+from mixpinn.pipeline.ablation_pool import check_scheduling, run_jobs
+from mixpinn.pipeline.ablation_report import write_ablation_report
+from mixpinn.pipeline.ablation_sets import SETS, own_sets, probe_set, save_sets, seen_in_training
+from mixpinn.pipeline.evaluation_stage import build_prior
+from mixpinn.pipeline.simulation_stage import STORE, SimulationConfig, make_simulations
+from mixpinn.pipeline.training_stage import load_samples
+from mixpinn.records import SampleTable, TissueMesh
+
+BASELINES = ("No motion", "Elastic prior")
+"""The two rows of every table that need no training."""
+
+
+@dataclass(frozen=True, eq=False)
+class AblationSource:
+    """What the table is made from.
+
+    Attributes:
+        store: the simulations.
+        simulation: how they were made.
+    """
+
+    store: SimulationStore
+    simulation: SimulationConfig
+
+
+def run_ablation(
+    source: Path | str, config: AblationConfig, *, out: Path | str, workers: int = 0, threads: int = 1,
+    scheduler: str | None = None, devices: int = 1,
+) -> Path:
+    """Train and test every row of the table in the run directory `out`; an interrupted table goes on.
+
+    Args:
+        source: label maps (a folder or ``phantom``), a mesh (a folder of ``mixpinn mesh`` or a ``.vtu``), or
+            simulations (a folder of ``mixpinn simulate``), made with the settings of `config`.
+        config: rows, seeds, budgets and tests.
+        out: ``anatomy/``, ``mesh/`` and ``simulation/`` where they are made here, ``samples/``, ``rows/NAME/``,
+            ``evaluations/``, and the tables ``results.json``, ``.csv`` and ``.md`` with their pictures.
+        workers: processes on this machine; 0 takes every core.
+        threads: of each process.
+        scheduler: address of a Dask scheduler to use instead, for the simulations and the trainings.
+        devices: processes of each training, each with a device of its own.
+
+    Returns:
+        Path of ``results.md``.
+
+    Raises:
+        InputError: bad input; what is finished is kept.
+        MixpinnError: a training failed; the others are finished, and their tables written.
+    """
+    workers = workers or os.cpu_count() or 1
+    check_scheduling(workers=workers, devices=devices)
+    out, config = Path(out), replace(config, train=replace(config.train, threads=threads))
+    made = _simulations(source, config, out=out, workers=workers, scheduler=scheduler)
+    table, split = load_samples(made.store, config.split)
+    mesh = made.store.mesh()
+    settings = asdict(config)
+    for name in ("anatomy", "mesh", "simulation"):  # the identity of the simulations says what they were made of
+        del settings[name]
+    del settings["train"]["threads"]
+    start_run(out, "ablate", settings, input_hashes={
+        "mesh": mesh.hash(), "store": made.store.scene_hash, "split": hash_arrays(*split.parts.values()),
+    })
+    train = _prepare(table, split, made, config, mesh, out=out, scheduler=scheduler)
+    jobs = plan_jobs(config, split, train)
+    _baselines(made, mesh, table, out)
+    failed = run_jobs(jobs, out, workers=workers, threads=threads, scheduler=scheduler, devices=devices)
+    finished = [job for job in jobs if job.name not in failed]
+    report = write_ablation_report(out, finished, config, diameters=part_diameters(mesh), nodes=mesh.n_points)
+    if failed:
+        name, message = next(iter(failed.items()))
+        raise MixpinnError(f"{len(failed)} of {len(jobs)} runs failed, the first {name}: {message}")
+    finish_run(out, {"runs": [job.name for job in jobs]})
+    console.print(f"Tables: {report}")
+    return report
+
+
+def _simulations(
+    source: Path | str, config: AblationConfig, *, out: Path, workers: int, scheduler: str | None,
+) -> AblationSource:
+    """Find the simulations, or make them, their mesh and the anatomy before."""
+    path = Path(source)
+    for candidate in (path / STORE, path):
+        if (candidate / "store.json").is_file():
+            store = SimulationStore.open(candidate)
+            return AblationSource(store, _simulation_of(store, config.simulation))
+    if path.suffix == ".vtu" or (path / "mesh.vtu").is_file():
+        mesh = TissueMesh.load(path if path.suffix == ".vtu" else path / "mesh.vtu")
+    else:
+        anatomy = replace(config.anatomy, source="phantom", path=None)
+        if str(source) != "phantom":
+            anatomy = replace(config.anatomy, source="folder" if path.is_dir() else "multilabel", path=str(source))
+        label_map = make_anatomy(anatomy, out=out / "anatomy").label_map
+        mesh = make_mesh(label_map, config.mesh, out=out / "mesh").mesh
+    settings = replace(config.simulation, workers=workers)
+    store, _ = make_simulations(mesh, settings, out=out / "simulation", scheduler=scheduler)
+    return AblationSource(store, settings)
+
+
+def _simulation_of(store: SimulationStore, given: SimulationConfig) -> SimulationConfig:
+    """Settings that the simulations of `store` were made with: its record's, else `given` with its protocol."""
+    record = store.folder.parent / "run.json"
+    values = read_json(record) if record.exists() else {}
+    if values.get("stage") == "simulate":
+        return build_config(SimulationConfig, values["config"])
+    return replace(given, protocol=store.protocol)
+
+
+def _prepare(
+    table: SampleTable, split: Split, made: AblationSource, config: AblationConfig, mesh: TissueMesh, *, out: Path,
+    scheduler: str | None,
+) -> SampleTable:
+    """Training samples; they, the validation samples and all test sets are written for the workers, once."""
+    seen = seen_in_training(table, config)
+    train, validation = (
+        table.select(np.isin(table.position_index, part) & seen) for part in (split.train, split.validation)
+    )
+    for name, samples in (("training", train), ("validation", validation)):
+        if not len(samples):
+            raise InputError(
+                f"{name} samples", expected="at least one", got="none after the hold-outs were taken out",
+                fix="leave more rotations or depths in",
+            )
+    if (out / SAMPLES / SETS).exists():
+        return train
+    sets = own_sets(table, split, config)
+    if config.other_probe is not None:
+        where = np.array(made.store.positions)[split.test]
+        sets["probe"] = probe_set(
+            mesh, made.simulation, config, config.other_probe, where, out=out / "other-probe-simulation",
+            scheduler=scheduler,
+        )
+    split.save(out / "split.json")
+    save_sets(out, mesh, sets, train=train, validation=validation)
+    write_json(out / SAMPLES / "counts.json", {"train": len(train), "validation": len(validation)})
+    return train
+
+
+def _baselines(made: AblationSource, mesh: TissueMesh, table: SampleTable, out: Path) -> None:
+    """Evaluate on every test set what needs no training."""
+    folders: list[tuple[str, Callable[[], object]]] = [
+        ("no-motion", ZeroModel),
+        ("elastic-prior", lambda: build_prior(
+            mesh, made.simulation.tissues, made.simulation.tissue, _contacts(out, table),
+        )),
+    ]
+    for name, build in folders:
+        missing = [entry for entry in test_set_names(out) if not evaluation_path(out, name, entry).exists()]
+        model = build() if missing else None
+        for entry in missing:
+            evaluate_once(
+                model, out, entry, mesh, path=evaluation_path(out, name, entry), notes={"row": name, "seed": None},
+            )
+
+
+def _contacts(out: Path, table: SampleTable) -> SampleTable:
+    """The samples whose contact nodes the prior must know: the table's, and the other probe's."""
+    other = out / SAMPLES / "probe"
+    if not (other / "samples.json").exists():
+        return table
+    return replace(table, contact_nodes=np.union1d(table.contact_nodes, SampleTable.load(other).contact_nodes))

@@ -1,0 +1,49 @@
+import numpy as np
+import pytest
+
+from mixpinn.base.errors import InputError
+from mixpinn.records import SampleTable
+
+
+@pytest.fixture
+def table():
+    """Three samples on a mesh of four nodes, with none, one and two contact nodes."""
+    generator = np.random.default_rng(1)
+    return SampleTable(
+        "mesh", np.arange(3), np.array([0.0, 45.0, 90.0]), np.array([1.0, 2.0, 3.0]), np.zeros((3, 3)),
+        np.tile(np.eye(3), (3, 1, 1)), np.array([0, 0, 1, 3]), np.array([2, 0, 3]), np.ones((3, 3)), np.zeros((3, 6)),
+        generator.normal(size=(3, 4, 3)).astype(np.float32),
+    )
+
+
+def test_what_is_saved_is_read_again(table, tmp_path):
+    table.save(tmp_path / "samples")
+    read = SampleTable.load(tmp_path / "samples")
+    assert (read.mesh_hash, len(read), read.contact_error) == ("mesh", 3, None)
+    for index in range(3):
+        np.testing.assert_array_equal(read.contact_field(index), table.contact_field(index))
+        np.testing.assert_array_equal(read[index].displacement, table[index].displacement)
+
+
+def test_contact_error_is_added_to_the_contact_nodes_alone_and_survives_saving(table, tmp_path):
+    error = np.array([[0.5, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, -2.0]])
+    noisy = SampleTable(**{**vars(table), "contact_error": error})
+    noisy.save(tmp_path / "samples")
+    for given in (noisy, SampleTable.load(tmp_path / "samples")):
+        expected = np.zeros((4, 3))
+        expected[0], expected[3] = error[1], error[2]
+        np.testing.assert_allclose(given.contact_field(2) - table.contact_field(2), expected, atol=1e-6)
+        np.testing.assert_allclose(
+            given[2].contact_displacement - table[2].contact_displacement, error[1:], atol=1e-6,
+        )
+        np.testing.assert_array_equal(given[2].displacement, table[2].displacement)
+
+
+def test_damaged_tables_are_refused(table, tmp_path):
+    table.save(tmp_path / "samples")
+    (tmp_path / "samples" / "depth.npy").write_bytes(b"nothing")
+    with pytest.raises(InputError, match="a table of samples"):
+        SampleTable.load(tmp_path / "samples")
+    (tmp_path / "samples" / "depth.npy").unlink()
+    with pytest.raises(InputError, match="a table of samples"):
+        SampleTable.load(tmp_path / "samples")
