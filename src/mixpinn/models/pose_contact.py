@@ -13,7 +13,7 @@ before keeps its grip, slid as far as friction let it.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -47,13 +47,13 @@ class PoseContactConfig:
 
     gap: float = 2.0
     friction: float = 1.0
-    stiffness: float = 100.0
-    smoothing: float = 0.02
+    stiffness: float = 30.0
+    smoothing: float = 0.1
     spacing: float = 4.0
     margin: float = 6.0
     reach: float = 6.0
-    substeps: int = 1
-    rounds: int = 2
+    substeps: int = 4
+    rounds: int = 1
     tolerance: float = 1e-4
     max_iterations: int = 30
 
@@ -125,8 +125,10 @@ class ContactPrediction:
         nodes: mesh nodes that carry force, ascending, shape (l,).
         displacement: of each [mm], shape (l, 3).
         forces: of the probes on each [N], shape (l, 3).
+        shares: of each probe in them [N], shape (k, l, 3).
         wrench: force [N] and moment about the tip [N mm] of the tissue on each probe, shape (k, 6).
         sliding: share of the normal force of each probe that slides, shape (k,).
+        pairs: what friction of this solve refers to.
         history: to hand to the next call where friction is to remember.
         converged: whether every solve met its tolerance.
         iterations: of Newton's method in all.
@@ -135,8 +137,10 @@ class ContactPrediction:
     nodes: IntArray
     displacement: FloatArray
     forces: FloatArray
+    shares: FloatArray
     wrench: FloatArray
     sliding: FloatArray
+    pairs: tuple[Grip, ...]
     history: ContactHistory
     converged: bool
     iterations: int
@@ -167,14 +171,14 @@ class PriorContact:
         self._triangles = np.searchsorted(self.nodes, triangles).astype(np.int64)
         self._compliance = compliance
         c = self.config
-        self._law = (c.stiffness, c.stiffness, c.friction, c.smoothing)
+        self.law = (c.stiffness, c.stiffness, c.friction, c.smoothing)
 
     @staticmethod
     def of_prior(prior: ElasticPrior, config: PoseContactConfig | None = None) -> "PriorContact":
         """Contact on the nodes of `prior`."""
         return PriorContact(
             prior.mesh.points, candidate_triangles(prior.mesh, prior.nodes), prior.nodes,
-            prior._own, config,  # type: ignore[attr-defined]
+            prior.own_compliance, config,
         )
 
     def solve(
@@ -193,6 +197,16 @@ class PriorContact:
         Raises:
             InputError: not as many poses as probes, a pose that is no rotation or not finite, or another history.
         """
+        return self.open(probes, rotations, translations, history).solve()
+
+    def open(
+        self, probes: Sequence[ProbeGeometry], rotations: AnyArray, translations: AnyArray,
+        history: ContactHistory | None = None,
+    ) -> "ContactSession":
+        """Go down to just above the given poses, so that the last part of the way can be solved more than once.
+
+        Arguments and errors are those of `solve`.
+        """
         rotations, translations = check_poses(len(probes), rotations, translations)
         if history is not None and len(history.grips) != len(probes):
             raise InputError(
@@ -204,62 +218,29 @@ class PriorContact:
         rows = (3 * patch[:, None] + np.arange(3)).ravel()
         compliance = np.ascontiguousarray(self._compliance[rows[:, None], rows])
         rest = self._rest[patch]
-        depths = [
-            self._depth(probe, rotation, translation, axis, rest, triangles)
-            for probe, rotation, translation, axis in zip(probes, rotations, translations, axes, strict=True)
-        ]
         force = np.zeros(3 * len(patch)) if history is None else history.force[patch].ravel()
         grips = tuple(_NO_GRIP for _ in probes) if history is None else history.grips
+        session = ContactSession(self, [], rest, patch, triangles, compliance, grips, force, True, 0)
         substeps = self.config.substeps if history is None else 1
-        converged, iterations, solved = True, 0, None
+        depths = np.array([
+            self._depth(probe, rotation, translation, axis, rest, triangles)
+            for probe, rotation, translation, axis in zip(probes, rotations, translations, axes, strict=True)
+        ]) if substeps > 1 else np.zeros(len(probes))
         for step in range(1, substeps + 1):
             back = (1.0 - step / substeps) * np.maximum(depths, 0.0)
             placed = [
                 PlacedProbe(probe, rotation, translation, axis) for probe, rotation, translation, axis
                 in zip(probes, rotations, translations - back[:, None] * axes, axes, strict=True)
             ]
-            for _ in range(self.config.rounds):
-                solved = self._round(placed, grips, rest, patch, triangles, compliance, force)
-                force, converged, iterations = solved.force, converged and solved.converged, iterations + solved.used
-            assert solved is not None
-            grips = solved.grips(placed, self.nodes[patch], rest)
-        assert solved is not None
-        return solved.prediction(self.nodes, patch, rest, translations, grips, converged, iterations)
-
-    def _round(
-        self, placed: "list[PlacedProbe]", grips: tuple[Grip, ...], rest: FloatArray, patch: IntArray,
-        triangles: IntArray, compliance: FloatArray, force: FloatArray,
-    ) -> "_Solved":
-        """Pair at the skin that `force` makes, and solve."""
-        x = rest - (compliance @ force).reshape(-1, 3)
-        paired = [
-            pair_contacts(
-                *probe.placed(), probe.geometry.triangles, probe.axis, self.config.gap, self.config.reach, x, triangles,
-                *self._held(probe, grip, patch),
-            ) for probe, grip in zip(placed, grips, strict=True)
-        ]
-        joined = [np.concatenate(parts) for parts in zip(*paired, strict=True)]
-        force, y, push, slip, met, used = solve_contacts(
-            rest, compliance, force, *joined[1:], self._law, self.config.tolerance, self.config.max_iterations,
-        )
-        owner = np.repeat(np.arange(len(paired)), [len(part[0]) for part in paired])
-        return _Solved(force, y, joined, owner, push, slip, self._law, met, used)
-
-    def _held(
-        self, probe: "PlacedProbe", grip: Grip, patch: IntArray,
-    ) -> tuple[BoolArray, IntArray, FloatArray, FloatArray]:
-        """The grip by contact point: which have one, place of the skin by index into the patch, placed anchor."""
-        n_samples = len(probe.geometry.samples)
-        n = n_samples + len(patch)
-        held, vertices = np.zeros(n, dtype=np.bool_), np.zeros((n, 3), dtype=np.int64)
-        weights, anchor = np.zeros((n, 3)), np.zeros((n, 3))
-        if len(grip.point):
-            nodes = self.nodes[patch]
-            by_node = n_samples + np.searchsorted(nodes, np.maximum(-1 - grip.point, 0))
-            key = np.where(grip.point >= 0, grip.point, by_node)
-            held[key], vertices[key], weights[key] = True, np.searchsorted(nodes, grip.nodes), grip.weights
-            anchor[key] = grip.anchor @ probe.rotation.T + probe.translation
-        return held, vertices, weights, anchor
+            session = replace(session, placed=placed)
+            if step < substeps:
+                solved = session.rounds(rest, force)
+                force, grips = solved.force, solved.grips(placed, self.nodes[patch], rest)
+                session = replace(
+                    session, force=force, grips=grips, converged=session.converged and solved.converged,
+                    iterations=session.iterations + solved.used,
+                )
+        return session
 
     def _patch(
         self, probes: Sequence[ProbeGeometry], rotations: FloatArray, translations: FloatArray, axes: FloatArray,
@@ -301,6 +282,103 @@ class PriorContact:
 
 
 @dataclass(frozen=True, eq=False)
+class ContactSession:
+    """Probes at their poses, and all that leads there: patch of skin, its compliance, grips and forces before.
+
+    Attributes:
+        contact: whose candidates and settings these are.
+        placed: the probes at the poses asked for.
+        rest: rest positions of the patch [mm], shape (p, 3).
+        patch: the patch by index into the candidates, shape (p,).
+        triangles: of the patch, by index into it, shape (t, 3).
+        compliance: of the patch, shape (3 p, 3 p).
+        grips: before the last part of the way.
+        force: gradient of contact before it, shape (3 p,).
+        converged, iterations: of the solves so far.
+    """
+
+    contact: PriorContact
+    placed: "list[PlacedProbe]"
+    rest: FloatArray
+    patch: IntArray
+    triangles: IntArray
+    compliance: FloatArray
+    grips: tuple[Grip, ...]
+    force: FloatArray
+    converged: bool
+    iterations: int
+
+    @property
+    def nodes(self) -> IntArray:
+        """Mesh nodes of the patch, ascending, shape (p,)."""
+        found: IntArray = self.contact.nodes[self.patch]
+        return found
+
+    def solve(self, shift: FloatArray | None = None, before: ContactPrediction | None = None) -> ContactPrediction:
+        """Contact at the poses.
+
+        Args:
+            shift: where the patch would be without contact, relative to rest [mm], shape (p, 3); None for rest.
+            before: a solve of this session; friction refers to the same places, and its forces are the first guess.
+        """
+        free = self.rest if shift is None else self.rest + shift
+        if before is None:
+            solved = self.rounds(free, self.force)
+        else:
+            start = before.history.force[self.patch].ravel()
+            solved = replace(self, grips=before.pairs).rounds(free, start)
+        moved = solved.y.reshape(-1, 3) if shift is None else solved.y.reshape(-1, 3) + shift
+        grips = solved.grips(self.placed, self.nodes, free)
+        return solved.prediction(
+            self, moved, free, grips, self.converged and solved.converged, self.iterations + solved.used,
+        )
+
+    def rounds(self, free: FloatArray, force: FloatArray) -> "_Solved":
+        """Pair and solve as often as the settings say, from first `force`."""
+        solved, used, met = None, 0, True
+        for _ in range(self.contact.config.rounds):
+            solved = self._round(free, force)
+            force, used, met = solved.force, used + solved.used, met and solved.converged
+        assert solved is not None
+        return replace(solved, used=used, converged=met)
+
+    def _round(
+        self, free: FloatArray, force: FloatArray,
+    ) -> "_Solved":
+        """Pair at the skin that `force` makes, and solve."""
+        config = self.contact.config
+        x = free - (self.compliance @ force).reshape(-1, 3)
+        paired = [
+            pair_contacts(
+                *probe.placed(), probe.geometry.triangles, probe.axis, config.gap, config.reach, x, self.triangles,
+                *self._held(probe, grip),
+            ) for probe, grip in zip(self.placed, self.grips, strict=True)
+        ]
+        joined = [np.concatenate(parts) for parts in zip(*paired, strict=True)]
+        force, y, push, slip, met, used = solve_contacts(
+            free, self.compliance, force, *joined[1:], self.contact.law, config.tolerance, config.max_iterations,
+        )
+        owner = np.repeat(np.arange(len(paired)), [len(part[0]) for part in paired])
+        return _Solved(force, y, joined, owner, push, slip, self.contact.law, met, used)
+
+    def _held(
+        self, probe: "PlacedProbe", grip: Grip,
+    ) -> tuple[BoolArray, IntArray, FloatArray, FloatArray]:
+        """The grip by contact point: which have one, place of the skin by index into the patch, placed anchor."""
+        n_samples = len(probe.geometry.samples)
+        n = n_samples + len(self.patch)
+        held, vertices = np.zeros(n, dtype=np.bool_), np.zeros((n, 3), dtype=np.int64)
+        weights, anchor = np.zeros((n, 3)), np.zeros((n, 3))
+        if len(grip.point):
+            nodes = self.nodes
+            by_node = n_samples + np.searchsorted(nodes, np.maximum(-1 - grip.point, 0))
+            key = np.where(grip.point >= 0, grip.point, by_node)
+            held[key], vertices[key], weights[key] = True, np.searchsorted(nodes, grip.nodes), grip.weights
+            anchor[key] = grip.anchor @ probe.rotation.T + probe.translation
+        return held, vertices, weights, anchor
+
+
+@dataclass(frozen=True, eq=False)
 class PlacedProbe:
     """A probe at a pose; `axis` is where it presses to."""
 
@@ -329,15 +407,20 @@ class _Solved:
     converged: bool
     used: int
 
-    def grips(self, placed: list[PlacedProbe], nodes: IntArray, rest: FloatArray) -> tuple[Grip, ...]:
-        """What holds now: each place of the skin under force, its anchor moved on as far as it slid."""
+    def grips(
+        self, placed: list[PlacedProbe], nodes: IntArray, free: FloatArray, *, before: bool = False,
+    ) -> tuple[Grip, ...]:
+        """What holds now: each place of the skin under force, its anchor moved on as far as it slid.
+
+        With `before`, all places that were paired, and their anchors as they were.
+        """
         key, _, _, stencil, weights = self.contacts[:5]
-        x = rest + self.y.reshape(-1, 3)
+        x = free + self.y.reshape(-1, 3)
+        anchors = self.contacts[7] if before else np.einsum("hc,hck->hk", weights, x[stencil]) - self.slip
         found = []
         for k, probe in enumerate(placed):
-            on = np.flatnonzero((self.owner == k) & (self.push > 0.0))
-            place = np.einsum("hc,hck->hk", weights[on], x[stencil[on]])
-            anchor = (place - self.slip[on] - probe.translation) @ probe.rotation
+            on = np.flatnonzero((self.owner == k) & ((self.push > 0.0) | before))
+            anchor = (anchors[on] - probe.translation) @ probe.rotation
             n_samples = len(probe.geometry.samples)
             vertex = nodes[np.clip(key[on] - n_samples, 0, len(nodes) - 1)]
             point = np.where(key[on] < n_samples, key[on], -1 - vertex)
@@ -345,13 +428,14 @@ class _Solved:
         return tuple(found)
 
     def prediction(
-        self, candidates: IntArray, patch: IntArray, rest: FloatArray, tips: FloatArray, grips: tuple[Grip, ...],
-        converged: bool, iterations: int,
+        self, session: ContactSession, moved: FloatArray, free: FloatArray, grips: tuple[Grip, ...], converged: bool,
+        iterations: int,
     ) -> ContactPrediction:
         """The outcome by mesh nodes and probes."""
+        patch, nodes = session.patch, session.nodes
         _, stencil, weights, grip, grip_weights, normal = self.contacts[:6]
-        x = rest + self.y.reshape(-1, 3)
-        k, k_t, mu, _ = self.law
+        x = free + self.y.reshape(-1, 3)
+        _, k_t, mu, _ = self.law
         normal_force, friction = self.push[:, None] * normal, -k_t * self.slip
         wrench, sliding = np.zeros((len(grips), 6)), np.zeros(len(grips))
         for p in range(len(grips)):
@@ -359,19 +443,34 @@ class _Solved:
             for force, vertices, share in (
                 (normal_force[on], stencil[on], weights[on]), (friction[on], grip[on], grip_weights[on]),
             ):
-                arm = np.einsum("hc,hck->hk", share, x[vertices]) - tips[p]
+                arm = np.einsum("hc,hck->hk", share, x[vertices]) - session.placed[p].translation
                 wrench[p, :3] -= force.sum(axis=0)
                 wrench[p, 3:] -= np.cross(arm, force).sum(axis=0)
             slides = k_t * np.linalg.norm(self.slip[on], axis=1) >= mu * self.push[on] * (1.0 - 1e-9)
             sliding[p] = float(self.push[on][slides].sum()) / max(float(self.push[on].sum()), 1e-12)
-        forces, moved = -self.force.reshape(-1, 3), self.y.reshape(-1, 3)
+        forces = -self.force.reshape(-1, 3)
         loaded = np.flatnonzero((forces != 0.0).any(axis=1))
-        everywhere = np.zeros((len(candidates), 3))
+        everywhere = np.zeros((len(session.contact.nodes), 3))
         everywhere[patch] = self.force.reshape(-1, 3)
         return ContactPrediction(
-            candidates[patch[loaded]], moved[loaded], forces[loaded], wrench, sliding,
-            ContactHistory(grips, everywhere), converged, iterations,
+            nodes[loaded], moved[loaded], forces[loaded], self._shares(forces, len(grips))[:, loaded], wrench, sliding,
+            self.grips(session.placed, nodes, free, before=True), ContactHistory(grips, everywhere), converged,
+            iterations,
         )
+
+    def _shares(self, forces: FloatArray, n_probes: int) -> FloatArray:
+        """Forces of each probe on the patch [N], shape (k, p, 3)."""
+        if n_probes == 1:
+            return forces[None]
+        _, stencil, weights, grip, grip_weights, normal = self.contacts[:6]
+        shares = np.zeros((n_probes, *forces.shape))
+        k_t = self.law[1]
+        for force, vertices, share in (
+            (self.push[:, None] * normal, stencil, weights), (-k_t * self.slip, grip, grip_weights),
+        ):
+            owner = np.repeat(self.owner[:, None], 3, axis=1)
+            np.add.at(shares, (owner, vertices), share[:, :, None] * force[:, None, :])
+        return shares
 
 
 def candidate_triangles(mesh: TissueMesh, nodes: IntArray) -> IntArray:
