@@ -144,7 +144,8 @@ class PoseModel:
         if not len(contact.nodes):
             zero = np.zeros(len(readers), dtype=np.float32)
             return Uncorrected(
-                contact, np.zeros(prior.coordinates.size, dtype=np.float32), zero, np.tile(zero, (len(session.placed), 1)),
+                contact, np.zeros(prior.coordinates.size, dtype=np.float32), zero,
+                np.tile(zero, (len(session.placed), 1)),
             )
         unknowns = None
         for _ in range(self.steps):
