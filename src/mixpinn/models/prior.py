@@ -104,6 +104,12 @@ class ElasticPrior:
         found: ReducedCoordinates = self._coordinates  # type: ignore[attr-defined]
         return found
 
+    @property
+    def own_compliance(self) -> FloatArray:
+        """Displacement of the contact nodes under unit forces on them [mm/N], symmetric, shape (3 c, 3 c)."""
+        found: FloatArray = self._own  # type: ignore[attr-defined]
+        return found
+
     def hold(self, nodes: AnyArray) -> ContactSystem:
         """The system of contact nodes (l,), which several solves share.
 
