@@ -10,7 +10,11 @@ import json
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from mixpinn.models.pose_model import PoseModel
+    from mixpinn.records import SampleTable
 
 _parser = argparse.ArgumentParser(prog="python -m benchmarks.hybrid", description=__doc__)
 _parser.add_argument("bundle", type=Path)
@@ -41,12 +45,26 @@ def measure(bundle: Path, store: Path | None, threads: int) -> dict[str, Any]:
         )
     mee, milliseconds = hybrid.metrics["mee"], 1e3 * hybrid.seconds
     return {
+        **(pose_figures(predictor.pose, table) if predictor.pose is not None else {}),
         "samples": len(table), "mee": float(mee.mean()), "rigid_mee": float(hybrid.metrics["rigid_mee"].mean()),
         "soft_mee": float(hybrid.metrics["soft_mee"].mean()), "ree": float(hybrid.metrics["ree"].mean()),
         "mee_p95": float(np.quantile(mee, 0.95)), "mee_max": float(mee.max()),
         "latency_ms_p50": float(np.median(milliseconds)), "latency_ms_p99": float(np.quantile(milliseconds, 0.99)),
         "prior_mee": float(prior.metrics["mee"].mean()), "loading_seconds": predictor.loading_seconds,
         "threads": threads, "nodes": predictor.mesh.n_points,
+    }
+
+
+def pose_figures(model: "PoseModel", table: "SampleTable") -> dict[str, Any]:
+    """Errors and latency from the pose alone."""
+    from benchmarks.pose import by_model, latency, score
+
+    found = score(by_model(model, table), table, model.hybrid.prior.coordinates)
+    print("From the pose: " + ", ".join(f"{name} {value:.4f}" for name, value in found.items()))
+    return {
+        "pose_mee": found["mee"], "pose_rigid_mee": found["rigid_mee"], "pose_mee_p95": found["mee_p95"],
+        **{name: value for name, value in found.items() if name.startswith(("vertebra", "force"))},
+        **latency(model, table, 400),
     }
 
 

@@ -57,6 +57,15 @@ def score(answer: Answer, table: SampleTable, coordinates: ReducedCoordinates) -
     }
 
 
+def by_model(model: PoseModel, table: SampleTable) -> Answer:
+    """What a pose model answers on the samples of a table."""
+    def answer(i: int) -> tuple[np.ndarray, np.ndarray]:
+        found = model.predict(table.probe_rotation[i][None], table.probe_translation[i][None])
+        return found.unknowns, found.wrench[0, :3]
+
+    return answer
+
+
 def pose_features(table: SampleTable, index: np.ndarray) -> np.ndarray:
     """Cubic features of tip position, rotation about the axis and depth, for the regression without contact."""
     tip = table.probe_translation[index] / 50.0
@@ -135,13 +144,6 @@ def main() -> None:
     asked = table.at_positions(getattr(split, args.part))
     coordinates = hybrid.prior.coordinates
 
-    def by_model(which: PoseModel) -> Answer:
-        def answer(i: int) -> tuple[np.ndarray, np.ndarray]:
-            found = which.predict(asked.probe_rotation[i][None], asked.probe_translation[i][None])
-            return found.unknowns, found.wrench[0, :3]
-
-        return answer
-
     def linear(i: int) -> tuple[np.ndarray, np.ndarray]:
         found = model.contact.solve(model.probes[:1], asked.probe_rotation[i][None], asked.probe_translation[i][None])
         if not len(found.nodes):
@@ -149,9 +151,9 @@ def main() -> None:
         held = hybrid.prior.hold(found.nodes)
         return hybrid.prior.respond_to_forces(held, found.forces.ravel()), found.wrench[0, :3]
 
-    rows = {"pose model": score(by_model(model), asked, coordinates)}
+    rows = {"pose model": score(by_model(model, asked), asked, coordinates)}
     if not args.no_baselines:
-        rows["without correction"] = score(by_model(replace(model, correction=None)), asked, coordinates)
+        rows["without correction"] = score(by_model(replace(model, correction=None), asked), asked, coordinates)
         rows["contact on the linear body"] = score(linear, asked, coordinates)
         whole = regression(table, training, hybrid)
         where = np.flatnonzero(np.isin(table.position_index, getattr(split, args.part)))

@@ -227,9 +227,9 @@ def train(
     store = SimulationStore.open(_simulations(source))
     table, split = load_samples(store, SplitConfig(file=str(split_file) if split_file else None))
     if model == HYBRID:
-        simulation = _made_with(store.folder, paper_constants)
         hybrid = make_hybrid(
-            store, table, split, HybridStageConfig(simulation.tissue, simulation.tissues, settings.hybrid), out=out,
+            store, table, split,
+            HybridStageConfig.of_simulation(_made_with(store.folder, paper_constants), settings.hybrid), out=out,
             held_out=hold_out,
         )
         samples = hybrid.about["training_samples"]
@@ -346,21 +346,25 @@ def predict(
     out: Annotated[Path, typer.Option("--out", "-o", help="Deformed mesh: .vtu, .stl or .ply.")],
     contacts: Annotated[Path | None, typer.Option(help="Contact nodes and displacements: .csv, .json or .npz.")] = None,
     simulations: Annotated[Path | None, typer.Option(help="Take a sample of these simulations instead.")] = None,
+    tip: Annotated[str | None, typer.Option(help="Press the probe's tip to 'x,y,z' [mm] (hybrid model).")] = None,
     position: Annotated[int, typer.Option(help="Index of the sample's probe position.")] = 0,
-    rotation: Annotated[float, typer.Option(help="Its rotation in degrees.")] = 0.0,
+    rotation: Annotated[float, typer.Option(help="The probe's rotation in degrees.")] = 0.0,
     depth: Annotated[float | None, typer.Option(help="Its depth in mm; the deepest by default.")] = None,
     threads: Threads = None,
 ) -> None:
-    """Contact displacement → deformed mesh, for ParaView and 3D Slicer."""
-    from mixpinn.serving import SampleAddress, predict_stage
+    """Contact displacement, or the probe's pose, → deformed mesh, for ParaView and 3D Slicer."""
+    from mixpinn.serving import ProbeAddress, SampleAddress, predict_stage
 
-    if (contacts is None) == (simulations is None):
+    if sum(source is not None for source in (contacts, simulations, tip)) != 1:
         raise InputError(
-            "predict", expected="either --contacts or --simulations", got="both or neither", fix="give one of them",
+            "predict", expected="one of --contacts, --simulations and --tip", got="none or several",
+            fix="give one of them",
         )
-    source: Path | SampleAddress
+    source: Path | SampleAddress | ProbeAddress
     if contacts is not None:
         source = contacts
+    elif tip is not None:
+        source = ProbeAddress.read(tip, rotation)
     else:
         assert simulations is not None
         source = SampleAddress(_simulations(simulations), position, rotation, depth)

@@ -7,17 +7,21 @@ from pathlib import Path
 from mixpinn.base.files import hash_arrays
 from mixpinn.base.rundir import finish_run, is_finished, start_run
 from mixpinn.dataset import SimulationStore, Split
-from mixpinn.fem import Material
+from mixpinn.fem import ContactConfig, Material
 from mixpinn.models import MESH_FILE
 from mixpinn.models.hybrid import HYBRID_FILE, HybridModel
+from mixpinn.models.pose_contact import PoseContactConfig, PriorContact, ProbeGeometry
+from mixpinn.models.pose_files import save_pose_model
+from mixpinn.models.pose_fit import collect, fit_pose
+from mixpinn.models.pose_model import PoseModel
 from mixpinn.models.prior import ElasticPrior
 from mixpinn.pipeline.evaluation_stage import build_prior
-from mixpinn.pipeline.simulation_stage import TissueConfig
+from mixpinn.pipeline.simulation_stage import SimulationConfig, TissueConfig
 from mixpinn.pipeline.training_stage import choose_samples
-from mixpinn.records import SampleTable, TissueMesh
+from mixpinn.records import Probe, SampleTable, TissueMesh
 from mixpinn.training.hybrid import HybridConfig, fit_hybrid
 
-SPLIT_FILE = "split.json"
+SPLIT_FILE, PROBE_FILE = "split.json", "probe.stl"
 
 
 @dataclass(frozen=True)
@@ -28,11 +32,24 @@ class HybridStageConfig:
         tissue: of all soft tissue that `tissues` does not name: what the simulations were made with.
         tissues: by name of the mesh's tissue.
         hybrid: modes, features and regression.
+        contact: gap and friction of the simulations, for predictions from the pose alone.
+        pose: also prepare predictions from the probe's pose, where the store tells the probe.
+        pose_samples: training samples, spread evenly, that contact from the pose learns from.
     """
 
     tissue: TissueConfig = field(default_factory=TissueConfig)
     tissues: dict[str, TissueConfig] = field(default_factory=dict)
     hybrid: HybridConfig = field(default_factory=HybridConfig)
+    contact: ContactConfig = field(default_factory=ContactConfig)
+    pose: bool = True
+    pose_samples: int = 2400
+
+    @staticmethod
+    def of_simulation(
+        simulation: SimulationConfig, hybrid: HybridConfig, *, pose: bool = True,
+    ) -> "HybridStageConfig":
+        """For simulations made with `simulation`."""
+        return HybridStageConfig(simulation.tissue, simulation.tissues, hybrid, simulation.contact, pose)
 
 
 def mesh_materials(mesh: TissueMesh, tissues: Mapping[str, TissueConfig], default: TissueConfig) -> Sequence[Material]:
@@ -72,8 +89,30 @@ def make_hybrid(
     )
     split.save(out / SPLIT_FILE)
     save_bundle(model, out, tolerance=config.hybrid.compress)
+    probe = store.folder / PROBE_FILE
+    if config.pose and probe.is_file() and len(samples.validation):
+        some = samples.train[:: max(1, len(samples.train) // config.pose_samples)]
+        few = samples.validation[:: max(1, 3 * len(samples.validation) // config.pose_samples)]
+        save_pose_model(
+            fit_pose_model(model, Probe.load(probe), config.contact, table.select(some), table.select(few)), out,
+        )
     finish_run(out, {"model": model.about})
     return model
+
+
+def plain_pose_model(model: HybridModel, probe: Probe, contact: ContactConfig) -> PoseModel:
+    """Contact from the pose of `probe` on the model's prior, with nothing learned about it."""
+    config = PoseContactConfig(gap=contact.gap, friction=contact.friction)
+    geometry = ProbeGeometry.of_probe(probe, spacing=config.spacing)
+    return PoseModel(model, PriorContact.of_prior(model.prior, config), (geometry,))
+
+
+def fit_pose_model(
+    model: HybridModel, probe: Probe, contact: ContactConfig, train: SampleTable, validation: SampleTable,
+) -> PoseModel:
+    """Contact from the pose with what `train` teaches about it; the correction's size is chosen on `validation`."""
+    plain = plain_pose_model(model, probe, contact)
+    return fit_pose(plain, collect(plain, train), collect(plain, validation))
 
 
 def save_bundle(model: HybridModel, out: Path, *, tolerance: float = 0.0) -> None:

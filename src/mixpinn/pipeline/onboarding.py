@@ -20,10 +20,18 @@ from mixpinn.fem import Scene
 from mixpinn.mesh import MeshConfig, make_mesh
 from mixpinn.models.equilibrium import Equilibrium
 from mixpinn.models.hybrid import HybridModel
+from mixpinn.models.pose_files import save_pose_model
+from mixpinn.models.pose_model import PoseModel
 from mixpinn.models.prior import ElasticPrior
 from mixpinn.pipeline.evaluation_stage import Background, EvaluationConfig, evaluate_models
-from mixpinn.pipeline.hybrid_stage import SPLIT_FILE, mesh_materials, save_bundle
-from mixpinn.pipeline.simulation_stage import SimulationConfig, begin_simulations
+from mixpinn.pipeline.hybrid_stage import (
+    SPLIT_FILE,
+    fit_pose_model,
+    mesh_materials,
+    plain_pose_model,
+    save_bundle,
+)
+from mixpinn.pipeline.simulation_stage import SimulationConfig, begin_simulations, make_scene
 from mixpinn.records import SampleTable, TissueMesh
 from mixpinn.training.hybrid import HybridConfig, fit_hybrid
 
@@ -106,6 +114,8 @@ def _prior_bundle(mesh: TissueMesh, config: OnboardingConfig, bundle: Path) -> H
     )
     if not (bundle / "hybrid.json").exists():
         save_bundle(model, bundle)
+        probe = make_scene(mesh, config.simulation).probe
+        save_pose_model(plain_pose_model(model, probe, config.simulation.contact), bundle)
     return model
 
 
@@ -126,8 +136,9 @@ def _learn(model: HybridModel, mesh: TissueMesh, config: OnboardingConfig, clock
             entry[f"{name}_mee"] = float(found.metrics["mee"].mean())
         entry["no_motion"] = float(found.metrics["mean_displacement"].mean())
         if end < len(ordered):
-            model = _fit(model, build_sample_table(store), ordered[:end], config)
+            model, pose = _fit(model, scene, build_sample_table(store), ordered[:end], config)
             save_bundle(model, out / BUNDLE, tolerance=config.hybrid.compress)
+            save_pose_model(pose, out / BUNDLE)
         clock.note({**entry, "minutes": clock.seconds() / 60.0})
         console.print(
             f"{end} poses: the {end - seen} new ones are predicted to {entry['model_mee']:.3f} mm (prior "
@@ -152,7 +163,9 @@ def _samples_of(table: SampleTable, poses: Any) -> SampleTable:
     ], dtype=bool))
 
 
-def _fit(model: HybridModel, table: SampleTable, poses: Any, config: OnboardingConfig) -> HybridModel:
+def _fit(
+    model: HybridModel, scene: Scene, table: SampleTable, poses: Any, config: OnboardingConfig,
+) -> tuple[HybridModel, PoseModel]:
     """Fit on these poses, every fourth of them kept for calibration."""
     materials = mesh_materials(model.mesh, config.simulation.tissues, config.simulation.tissue)
     held = [pose for index, pose in enumerate(poses) if index % 4 == 3]
@@ -161,7 +174,9 @@ def _fit(model: HybridModel, table: SampleTable, poses: Any, config: OnboardingC
     missing = np.setdiff1d(table.contact_nodes, prior.nodes)
     if len(missing):
         prior = ElasticPrior.build(model.mesh, materials, nodes=np.union1d(prior.nodes, missing))
-    return fit_hybrid(prior, materials, _samples_of(table, fitted), _samples_of(table, held), config.hybrid)
+    train, calibration = _samples_of(table, fitted), _samples_of(table, held)
+    hybrid = fit_hybrid(prior, materials, train, calibration, config.hybrid)
+    return hybrid, fit_pose_model(hybrid, scene.probe, config.simulation.contact, train, calibration)
 
 
 def _report(store: SimulationStore, last: SampleTable, config: OnboardingConfig, out: Path) -> None:

@@ -93,8 +93,7 @@ def run_pipeline(config: RunConfig, *, out: Path | str, threads: int | None = No
 
 def _train(name: str, config: RunConfig, table: SampleTable, split: Split, store: SimulationStore, out: Path) -> None:
     if name == HYBRID:
-        simulation = config.simulation
-        settings = HybridStageConfig(simulation.tissue, simulation.tissues, config.models.hybrid)
+        settings = HybridStageConfig.of_simulation(config.simulation, config.models.hybrid)
         make_hybrid(store, table, split, settings, out=out)
     else:
         train_model(name, config.models, table, split, store, out=out)

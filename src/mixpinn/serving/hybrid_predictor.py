@@ -3,9 +3,11 @@
 import time
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numba
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from mixpinn.base.arrays import AnyArray, Float32Array, FloatArray
 from mixpinn.base.errors import InputError
@@ -13,6 +15,12 @@ from mixpinn.models import MESH_FILE
 from mixpinn.models.hybrid import HybridModel, HybridState, contact_nodes
 from mixpinn.records import Prediction, TissueMesh
 from mixpinn.serving.predictor import checked_field, contact_field
+
+if TYPE_CHECKING:
+    from mixpinn.models.pose_contact import ContactHistory
+    from mixpinn.models.pose_model import PoseModel, PosePrediction
+
+_POSE_FILE = "pose.safetensors"
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,6 +42,31 @@ class Assessment:
     milliseconds: float
 
 
+@dataclass(frozen=True)
+class ProbeAddress:
+    """A pose of the probe: position of its tip [mm] and rotation about its pressing direction −y [degree]."""
+
+    tip: tuple[float, float, float]
+    rotation_deg: float = 0.0
+
+    @staticmethod
+    def read(text: str, rotation_deg: float) -> "ProbeAddress":
+        """From 'x,y,z'.
+
+        Raises:
+            InputError: not three finite numbers.
+        """
+        try:
+            x, y, z = (float(word) for word in text.split(","))
+        except ValueError:
+            x = y = z = np.nan
+        if not np.isfinite([x, y, z, rotation_deg]).all():
+            raise InputError(
+                "tip", expected="three numbers 'x,y,z' [mm]", got=repr(text), fix="for example --tip=-10,120.5,35",
+            )
+        return ProbeAddress((x, y, z), rotation_deg)
+
+
 class HybridPredictor:
     """The hybrid model on its mesh of n nodes.
 
@@ -42,6 +75,7 @@ class HybridPredictor:
         model: prior, modes, gain and calibration.
         mesh: the mesh that it belongs to.
         threads: CPU threads of a prediction; None leaves them as they are.
+        pose: contact from the probe's pose; None where the bundle has none.
         loading_seconds: how long loading and warming up took [s].
 
     Example:
@@ -51,10 +85,10 @@ class HybridPredictor:
         >>> predictor.assess(nodes, moved).bound
     """
 
-    def __init__(self, model: HybridModel, *, threads: int | None = None) -> None:
+    def __init__(self, model: HybridModel, *, pose: "PoseModel | None" = None, threads: int | None = None) -> None:
         if threads is not None and threads < 1:
             raise InputError("threads", expected="at least 1", got=str(threads), fix="give a positive number")
-        self.model, self.mesh, self.name, self.threads = model, model.mesh, model.name, threads
+        self.model, self.mesh, self.name, self.threads, self.pose = model, model.mesh, model.name, threads, pose
         self.loading_seconds = 0.0
 
     @staticmethod
@@ -74,11 +108,19 @@ class HybridPredictor:
         """
         began = time.perf_counter()
         model = HybridModel.load(folder, mesh or TissueMesh.load(Path(folder) / MESH_FILE))
-        predictor = HybridPredictor(model, threads=threads)
+        pose = None
+        if (Path(folder) / _POSE_FILE).is_file():
+            # Imported here: contact needs the solver's geometry, which predicting from contact displacements does not.
+            from mixpinn.models.pose_files import load_pose_model
+
+            pose = load_pose_model(folder, model)
+        predictor = HybridPredictor(model, pose=pose, threads=threads)
         predictor.name = name or model.name
         warm = np.zeros((model.mesh.n_points, 3), dtype=np.float32)
         warm[model.prior.nodes[:2], 1] = -0.1
         predictor.predict(warm)
+        if pose is not None:
+            predictor.press(model.mesh.points[model.prior.nodes].max(axis=0)[None])
         predictor.loading_seconds = time.perf_counter() - began
         return predictor
 
@@ -110,6 +152,36 @@ class HybridPredictor:
         """
         field = contact_field(nodes, displacements, n_nodes=self.mesh.n_points)
         return Prediction(self.mesh, self.predict(field), reference, self.name)
+
+    def press(
+        self, tips: AnyArray, *, rotation_deg: AnyArray | None = None, rotations: AnyArray | None = None,
+        history: "ContactHistory | None" = None,
+    ) -> "PosePrediction":
+        """Deformation from the poses of one or several probes that press at the same time.
+
+        Without a history each probe came straight along its axis, and the answer does not depend on what was asked
+        before. With the `contact.history` of an earlier answer friction remembers where the skin was gripped.
+
+        Args:
+            tips: position of each probe's tip [mm], shape (k, 3).
+            rotation_deg: rotation of each about its pressing direction −y [degree], shape (k,); zero by default.
+            rotations: rotation matrix of each instead, shape (k, 3, 3).
+            history: of an earlier answer.
+
+        Raises:
+            InputError: a bundle without contact from the pose, or poses that are not finite or no rotations.
+        """
+        if self.pose is None:
+            raise InputError(
+                self.name, expected="a bundle that takes poses", got="one that was made without a probe",
+                fix="fit the hybrid model on simulations of this project",
+            )
+        self._set_threads()
+        tips = np.asarray(tips, dtype=np.float64).reshape(-1, 3)
+        if rotations is None:
+            degrees = np.zeros(len(tips)) if rotation_deg is None else np.asarray(rotation_deg, dtype=np.float64)
+            rotations = Rotation.from_euler("y", degrees.reshape(-1, 1), degrees=True).as_matrix()
+        return self.pose.predict(rotations, tips, probes=[0] * len(tips), history=history)
 
     def assess(self, nodes: AnyArray, displacements: AnyArray) -> Assessment | None:
         """Which error to expect of the prediction from these contact nodes; None where the model is not calibrated.
