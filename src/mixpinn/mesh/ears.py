@@ -35,7 +35,8 @@ def peel_flat_ears(mesh: TissueMesh, *, flat: float = FLAT) -> TissueMesh:
     on_skin = np.zeros(mesh.n_points, dtype=bool)
     on_skin[np.unique(mesh.skin_faces)] = True
     first, second = np.triu_indices(4, 1)
-    kept, touched = np.ones(len(mesh.cells), dtype=bool), set()
+    kept = np.ones(len(mesh.cells), dtype=bool)
+    touched: set[tuple[int, ...]] = set()
     for cell in np.flatnonzero(on_skin[mesh.cells].all(axis=1)):
         sides = [tuple(face) for face in faces[cell].tolist()]
         outer = [k for k in range(4) if sides[k] in skin]
