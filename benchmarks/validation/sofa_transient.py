@@ -124,13 +124,14 @@ def run(folder: Path, *, cache: Path, imposed: Path, compute: bool = True) -> Se
     return Section(
         title,
         f"The recorded poses that have a static field and every {EVERY}th of all are replayed step by step with our "
-        "own contact and held against SOFA's frames. Four things may differ. *Inertia and the single linearised step* "
-        "of each frame: what remains with SOFA's contact displacements imposed, where contact plays no part (column *of it "
-        "without contact*). *The lag of the collision mesh*: it trails SOFA's body by one step, and the replay puts "
-        "the probe where the collision mesh was; whoever compares with the body's position instead would find the last "
-        "column. *Friction's history*: a contact sticks where it first touched, and SOFA first touches in motion. What "
-        "is left at depth, beyond the column without contact, is most likely of this kind: in the static fields above "
-        "inertia has died away, and a difference of the same size remains. *The law of contact*: a penalty against "
+        "own contact and held against SOFA's frames. Four things may differ. *Inertia and the single "
+        "linearised step* of each frame: what remains with SOFA's contact displacements imposed, where "
+        "contact plays no part (column *of it without contact*). *The lag of the collision mesh*: it trails "
+        "SOFA's body by one step, and the replay puts the probe where the collision mesh was; whoever "
+        "compares with the body's position instead would find the last column. *Friction's history*: a "
+        "contact sticks where it first touched, and SOFA first touches in motion. What is left at depth, "
+        "beyond the column without contact, is most likely of this kind: in the static fields above inertia "
+        "has died away, and a difference of the same size remains. *The law of contact*: a penalty against "
         "exact constraints, by no more than the peak penetration of the gap given above.",
         tuple(results), picture(folder, "sofa_transient", draw), tuple(rows),
     )
