@@ -13,7 +13,7 @@ PICTURES = ("prediction.png", "error.png")
 
 def _training(run: Path) -> str:
     parts = []
-    for folder in sorted((run / "models").iterdir()):
+    for folder in sorted(path.parent for path in (run / "models").glob("*/history.csv")):
         seconds = [float(row.split(",")[4]) for row in (folder / "history.csv").read_text().splitlines()[1:]]
         parts.append(f"{folder.name}: {len(seconds)} epochs of {sum(seconds) / len(seconds):.1f} s")
     return "; ".join(parts)

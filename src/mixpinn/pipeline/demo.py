@@ -17,8 +17,8 @@ DEMO = RunConfig(
     mesh=MeshConfig(size=2.0),
     simulation=SimulationConfig(protocol=replace(SMALL, max_positions=20, steps=10)),
     models=ModelsConfig(
-        names=("mixpinn", "simple-gat"), width="desk", scaling=Scaling.STANDARD,
+        names=("hybrid", "mixpinn", "simple-gat"), width="desk", scaling=Scaling.STANDARD,
         train=TrainConfig(learning_rate=2e-3, max_epochs=25),
     ),
 )
-"""Twenty positions, one rotation, ten steps of 1 mm, two small networks."""
+"""Twenty positions, one rotation, ten steps of 1 mm, the hybrid model and two small networks."""
