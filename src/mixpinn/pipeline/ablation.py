@@ -1,9 +1,11 @@
 """The paper's experiments in one command: simulations, every row's training, tests and tables."""
 
+import json
 import os
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -12,7 +14,7 @@ from mixpinn.base.config import build_config
 from mixpinn.base.errors import InputError, MixpinnError
 from mixpinn.base.files import hash_arrays, read_json, write_json
 from mixpinn.base.progress import console
-from mixpinn.base.rundir import finish_run, start_run
+from mixpinn.base.rundir import RECORD, finish_run, start_run
 from mixpinn.dataset import SimulationStore, Split
 from mixpinn.evaluation import ZeroModel
 from mixpinn.graph import part_diameters
@@ -72,31 +74,57 @@ def run_ablation(
     workers = workers or os.cpu_count() or 1
     check_scheduling(workers=workers, devices=devices)
     out, config = Path(out), replace(config, train=replace(config.train, threads=threads))
+    if tables_only:
+        return write_finished(out, config)
     made = _simulations(source, config, out=out, workers=workers, scheduler=scheduler)
     table, split = load_samples(made.store, config.split)
     mesh = made.store.mesh()
-    settings = asdict(config)
-    for name in ("anatomy", "mesh", "simulation"):  # the identity of the simulations says what they were made of
-        del settings[name]
-    del settings["train"]["threads"]
-    start_run(out, "ablate", settings, input_hashes={
+    start_run(out, "ablate", _settings(config), input_hashes={
         "mesh": mesh.hash(), "store": made.store.scene_hash, "split": hash_arrays(*split.parts.values()),
     })
     train = _prepare(table, split, made, config, mesh, out=out, scheduler=scheduler)
     jobs = plan_jobs(config, split, train)
     _baselines(made, mesh, table, out)
-    failed = {} if tables_only else run_jobs(
-        jobs, out, workers=workers, threads=threads, scheduler=scheduler, devices=devices,
-    )
+    failed = run_jobs(jobs, out, workers=workers, threads=threads, scheduler=scheduler, devices=devices)
     finished = [job for job in jobs if job.name not in failed]
     report = write_ablation_report(out, finished, config, diameters=part_diameters(mesh), nodes=mesh.n_points)
     if failed:
         name, message = next(iter(failed.items()))
         raise MixpinnError(f"{len(failed)} of {len(jobs)} runs failed, the first {name}: {message}")
-    if all(is_done(out, job) for job in jobs):
-        finish_run(out, {"runs": [job.name for job in jobs]})
+    finish_run(out, {"runs": [job.name for job in jobs]})
     console.print(f"Tables: {report}")
     return report
+
+
+def write_finished(out: Path, config: AblationConfig) -> Path:
+    """Write the tables of those runs in `out` that are finished; a table that is being trained is left alone.
+
+    Returns:
+        Path of ``results.md``.
+
+    Raises:
+        InputError: no table there, one with other settings, or nothing finished.
+    """
+    before = read_json(out / RECORD)
+    if before.get("config") != json.loads(json.dumps(_settings(config))):
+        raise InputError(
+            str(out), expected="a table with these settings", got="one with others",
+            fix="give the settings that it was begun with",
+        )
+    jobs = plan_jobs(config, Split.load(out / "split.json"), SampleTable.load(out / SAMPLES / "train"))
+    mesh = TissueMesh.load(out / SAMPLES / "mesh.vtu")
+    finished = [job for job in jobs if is_done(out, job)]
+    console.print(f"{len(finished)} of {len(jobs)} runs are finished")
+    return write_ablation_report(out, finished, config, diameters=part_diameters(mesh), nodes=mesh.n_points)
+
+
+def _settings(config: AblationConfig) -> dict[str, Any]:
+    """What decides the figures, besides the simulations, whose own identity says what they were made of."""
+    settings = asdict(config)
+    for name in ("anatomy", "mesh", "simulation"):
+        del settings[name]
+    del settings["train"]["threads"]
+    return settings
 
 
 def _simulations(
