@@ -365,7 +365,7 @@ class TestModel:
 
 class TestPredict:
     @pytest.mark.parametrize(("words", "says"), [
-        ([], "either --contacts or --simulations"), (["--position", "77", "--simulations"], "position 77"),
+        ([], "one of --contacts, --simulations and --tip"), (["--position", "77", "--simulations"], "position 77"),
         (["--depth", "9", "--simulations"], "9 mm"),
     ])
     def test_bad_sample(self, chain, tmp_path, words, says):
