@@ -96,14 +96,14 @@ def test_damaged_and_failed_poses_are_simulated_again(tmp_path, log):
 
 
 def test_interrupt_stops_all_workers_and_keeps_what_is_done(tmp_path, log):
-    scene = FakeScene(block(3), log=log, pause=0.1)
+    scene = FakeScene(block(3), log=log, pause=0.5)
     store = short_store(tmp_path / "store", scene)
     # In a process of its own: Control-C must not reach the one that runs the tests.
     script = (
         "import multiprocessing; from pathlib import Path; from dataset_fakes import *\n"
         "from mixpinn.dataset import generate\n"
         "if __name__ == '__main__':\n"
-        f"    scene = FakeScene(block(3), log=Path({str(log)!r}), pause=0.1)\n"
+        f"    scene = FakeScene(block(3), log=Path({str(log)!r}), pause=0.5)\n"
         f"    store = short_store(Path({str(store.folder)!r}), scene)\n"
         "    try:\n"
         "        generate(scene, store.poses, store, runner=fake_runner)\n"
