@@ -75,7 +75,7 @@ def test_claims_are_told_in_words_that_follow_from_their_table():
         "run": "2026-01-01", "machine": "a machine", "protocol": "A protocol.", "tables": [claims], "pictures": [],
         "further": {"Twice the budget": {"protocol": "Another protocol.", "tables": [claims]}},
     })
-    assert "*VN lowers rigid MEE*: shows in 1 of 2 comparisons, and in 1 more the direction is right" in text
+    assert "*VN lowers rigid MEE*: shows in 1 of 2 comparisons; the direction is right in 2" in text
     assert "(ratios 2.00, 1.20)" in text
     assert "*REL lowers REE*: does not show in any of 1 comparisons (ratios 0.67)" in text
     assert "*PhysGNN is last*: shows in all 1 comparisons (ratios 1.50)" in text

@@ -112,8 +112,7 @@ def _verdict(rows: list[tuple[Any, ...]]) -> str:
     listed = ", ".join(f"{ratio:.2f}" for ratio in ratios)
     if shown == len(rows):
         return f"shows in all {shown} comparisons (ratios {listed})."
-    weak = f", and in {right - shown} more the direction is right but the effect weaker than asked" if right > shown \
-        else ""
+    weak = f"; the direction is right in {right}, the effect weaker than asked" if right > shown else ""
     begin = "does not show in any" if not shown else f"shows in {shown}"
     return f"{begin} of {len(rows)} comparisons{weak} (ratios {listed})."
 
