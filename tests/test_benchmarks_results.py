@@ -66,7 +66,7 @@ def test_claims_are_told_in_words_that_follow_from_their_table():
         "columns": ["Claim", "Rows", "Without [mm]", "With [mm]", "Ratio", "Ratio (paper)", "Shown"],
         "rows": [
             ["VN lowers rigid MEE", "2 → 10", 0.4, 0.2, 2.0, 2.1, "yes"],
-            ["VN lowers rigid MEE", "3 → 5", 0.4, 0.4, 1.0, 1.9, "no"],
+            ["VN lowers rigid MEE", "3 → 5", 0.48, 0.4, 1.2, 1.9, "no"],
             ["REL lowers REE", "2 → 9", 0.2, 0.3, 0.67, 1.2, "no"],
             ["PhysGNN is last", "PhysGNN against Row 2", 0.6, 0.4, 1.5, 1.9, "yes"],
         ],
@@ -75,8 +75,10 @@ def test_claims_are_told_in_words_that_follow_from_their_table():
         "run": "2026-01-01", "machine": "a machine", "protocol": "A protocol.", "tables": [claims], "pictures": [],
         "further": {"Twice the budget": {"protocol": "Another protocol.", "tables": [claims]}},
     })
-    assert "*VN lowers rigid MEE*: shows in part (1 of 2 comparisons; ratios 2.00, 1.00)" in text
-    assert "*REL lowers REE*: does not show (0 of 1 comparisons; ratios 0.67)" in text
-    assert "*PhysGNN is last*: shows (1 of 1 comparisons; ratios 1.50)" in text
+    assert "*VN lowers rigid MEE*: shows in 1 of 2 comparisons; the direction is right in 2" in text
+    assert "(ratios 2.00, 1.20)" in text
+    assert "*REL lowers REE*: does not show in any of 1 comparisons (ratios 0.67)" in text
+    assert "*PhysGNN is last*: shows in all 1 comparisons (ratios 1.50)" in text
+    assert "- Twice the budget: VN lowers rigid MEE (2 → 10): 0.400 against 0.200 mm, ratio 2.00;" in text
     assert "#### Twice the budget\n\nAnother protocol." in text
     assert text.count("| REL lowers REE | 2 → 9 |") == 2

@@ -109,6 +109,17 @@ def test_finished_table_trains_nothing_again(chain, table, tmp_path):
     assert {name: data for name, data in contents(table).items() if name in before} == before
 
 
+def test_tables_of_finished_runs_need_no_source(chain, table, tmp_path):
+    before = results(table)["tables"]
+    given = words(chain, tmp_path, table)
+    given[1] = "nowhere"
+    done(*given, "--tables-only")
+    assert results(table)["tables"] == before
+    outcome = command(*given, "--tables-only", "--width", "5")
+    assert outcome.code == 2
+    assert "these settings" in outcome.lines[-1]
+
+
 def test_training_that_diverges_leaves_the_others_their_table(chain, scheduler, tmp_path):
     given = words(
         chain, tmp_path, tmp_path / "table", rows=["row-10", "physgnn"], few_positions=[], physgnn_learning_rate=1e30,
