@@ -10,6 +10,7 @@ first touch and part when the skin slides.
 import numba
 import numpy as np
 
+from mixpinn.fem.contact_geometry import nearest_on_triangle
 from mixpinn.fem.contact_kernel import triangles_within
 
 # mypy cannot see through numba's decorators: the kernels are untyped, their callers are not.
@@ -71,14 +72,63 @@ def cast_along(points, vertices, triangles, axis, nearest, hit, weights, height)
 
 
 @numba.njit(cache=True)
+def nearest_place(point, vertices, triangles, place, weights):  # type: ignore[no-untyped-def]
+    """Nearest place of a surface to `point`: fills it and its weights; returns the triangle and the distance [mm]."""
+    best, found = np.inf, -1
+    for t in range(len(triangles)):
+        a, b, c = vertices[triangles[t, 0]], vertices[triangles[t, 1]], vertices[triangles[t, 2]]
+        apart = 0.0
+        for r in range(3):
+            low, high = min(a[r], b[r], c[r]), max(a[r], b[r], c[r])
+            beside = max(low - point[r], point[r] - high, 0.0)
+            apart += beside * beside
+        if apart >= best:
+            continue
+        wa, wb, wc, squared, _ = nearest_on_triangle(point[0], point[1], point[2], a, b, c)
+        if squared < best:
+            best, found = squared, t
+            weights[0], weights[1], weights[2] = wa, wb, wc
+    for r in range(3):
+        place[r] = 0.0
+        for i in range(3):
+            place[r] += weights[i] * vertices[triangles[found, i], r]
+    return found, np.sqrt(best)
+
+
+@numba.njit(cache=True)
+def touch_along(start, axis, gap, vertices, triangles, point, place, weights):  # type: ignore[no-untyped-def]
+    """Move `point` from `start` along `axis` to where a surface is `gap` away; fills the nearest place there.
+
+    Newton's method on the distance, which is convex along a line where the surface is, so that it does not overshoot.
+
+    Returns:
+        The triangle, and the distance reached [mm].
+    """
+    for r in range(3):
+        point[r] = start[r]
+    t, distance = nearest_place(point, vertices, triangles, place, weights)
+    for _ in range(6):
+        if abs(distance - gap) < 0.01 or distance < 1e-6:
+            break
+        along = 0.0
+        for r in range(3):
+            along += axis[r] * (place[r] - point[r]) / distance
+        move = (distance - gap) / max(along, 0.25)
+        for r in range(3):
+            point[r] += move * axis[r]
+        t, distance = nearest_place(point, vertices, triangles, place, weights)
+    return t, distance
+
+
+@numba.njit(cache=True)
 def pair_contacts(  # type: ignore[no-untyped-def]
     samples, corners, probe_triangles, axis, gap, reach, x, triangles, held, held_vertices, held_weights, held_anchor,
 ):
     """Contacts of one placed probe with the skin at `x`, each by the line along the probe's axis.
 
-    Contact points are the samples, then the skin's vertices. Where `held`, friction keeps the place of the skin and
-    the probe's point that it had; elsewhere they are those of first touch: the place met along the axis, and the point
-    that lies `gap` before the surface.
+    Contact points are the samples, then the skin's vertices. Each is moved along the axis to where the other surface is
+    `gap` away: that gives normal, nearest place and, where friction does not hold yet (`held`), the two points that
+    touch first.
 
     Args:
         samples, corners: of the probe, placed [mm].
@@ -99,48 +149,45 @@ def pair_contacts(  # type: ignore[no-untyped-def]
     stencil, weights = np.empty((ns + n, 3), np.int64), np.empty((ns + n, 3))
     grip, grip_weights = np.empty((ns + n, 3), np.int64), np.empty((ns + n, 3))
     normal, offset, anchor = np.empty((ns + n, 3)), np.empty(ns + n), np.empty((ns + n, 3))
-    place = np.empty(3)
+    start, point, place, share = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    towards = -axis
     count = 0
     for i in range(ns + n):
-        by_sample = i < ns
-        if by_sample:
-            t = sample_hit[i]
-            if t < 0 or -sample_height[i] > gap + reach:
+        # The point that moves is lifted well clear of the surface that it met along the axis, and comes back to it:
+        # a sample along the axis, a vertex of the skin against it.
+        if i < ns:
+            if sample_hit[i] < 0 or -sample_height[i] > gap + reach:
                 continue
-            a, b, c = x[triangles[t, 0]], x[triangles[t, 1]], x[triangles[t, 2]]
+            for r in range(3):
+                start[r] = samples[i, r] - (sample_height[i] + 2.0 * gap) * axis[r]
+            t, distance = touch_along(start, axis, gap, x, triangles, point, place, share)
         else:
-            t = vertex_hit[i - ns]
-            if t < 0 or vertex_height[i - ns] > gap + reach:
+            v = i - ns
+            if vertex_hit[v] < 0 or vertex_height[v] > gap + reach:
                 continue
-            a, b, c = corners[probe_triangles[t, 0]], corners[probe_triangles[t, 1]], corners[probe_triangles[t, 2]]
-        across = np.cross(b - a, c - a)
-        size = np.sqrt((across * across).sum())
-        if size < 1e-9:
-            continue
-        cosine = (across * axis).sum() / size
-        if abs(cosine) < 0.2:
+            for r in range(3):
+                start[r] = x[v, r] - (vertex_height[v] - 2.0 * gap) * axis[r]
+            t, distance = touch_along(start, towards, gap, corners, probe_triangles, point, place, share)
+        if abs(distance - gap) > 0.1:
             continue  # too steep to be met along the axis
-        turn = (1.0 if cosine > 0.0 else -1.0) / size
-        lead = gap / abs(cosine)
         key[count] = i
-        for r in range(3):
-            normal[count, r] = turn * across[r]
-            if by_sample:
-                place[r] = samples[i, r]
-                stencil[count, r], weights[count, r] = triangles[t, r], sample_weights[i, r]
-            else:
-                v = i - ns
-                place[r] = vertex_weights[v, 0] * a[r] + vertex_weights[v, 1] * b[r] + vertex_weights[v, 2] * c[r]
-                stencil[count, r], weights[count, r] = v, 1.0 if r == 0 else 0.0
+        sign = 1.0 if i < ns else -1.0
         offset[count] = gap
         for r in range(3):
-            offset[count] += normal[count, r] * place[r]
+            normal[count, r] = sign * (place[r] - point[r]) / distance
+            if i < ns:
+                stencil[count, r], weights[count, r] = triangles[t, r], share[r]
+                offset[count] += normal[count, r] * samples[i, r]
+            else:
+                stencil[count, r], weights[count, r] = i - ns, 1.0 if r == 0 else 0.0
+                offset[count] += normal[count, r] * place[r]
+        for r in range(3):
             if held[i]:
                 grip[count, r], grip_weights[count, r] = held_vertices[i, r], held_weights[i, r]
                 anchor[count, r] = held_anchor[i, r]
             else:
                 grip[count, r], grip_weights[count, r] = stencil[count, r], weights[count, r]
-                anchor[count, r] = place[r] + lead * axis[r]
+                anchor[count, r] = samples[i, r] + place[r] - point[r] if i < ns else point[r]
         count += 1
     return (
         key[:count].copy(), stencil[:count].copy(), weights[:count].copy(), grip[:count].copy(),
