@@ -7,6 +7,7 @@ import warnings
 from mixpinn.base.errors import MixpinnError
 from mixpinn.base.files import NO_ROOM
 from mixpinn.base.rundir import withdraw_unused_runs
+from mixpinn.cli import model_verbs, run_verbs  # noqa: F401 (they add their verbs to the application)
 from mixpinn.cli.app import app
 
 __all__ = ["app", "main"]

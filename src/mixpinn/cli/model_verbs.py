@@ -1,0 +1,205 @@
+"""The verbs of models: train, evaluate, ablate, profile, predict."""
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from mixpinn.base.config import build_config, parse_overrides
+from mixpinn.base.errors import InputError
+from mixpinn.base.progress import console
+from mixpinn.cli.app import app
+from mixpinn.cli.options import (
+    Config,
+    HoldOut,
+    Out,
+    PaperConstants,
+    Positions,
+    ProbeFile,
+    Set,
+    SplitFile,
+    Threads,
+    made_with,
+    settings_layers,
+    simulations_folder,
+)
+
+
+@app.command()
+def train(
+    source: Annotated[Path, typer.Argument(help="Folder that 'mixpinn simulate' wrote.")],
+    out: Out,
+    model: Annotated[str, typer.Option(help="hybrid, mixpinn, simple-gat, physgnn or row-1 … row-13.")] = "mixpinn",
+    width: Annotated[str | None, typer.Option(help="tiny, desk, authors or paper.")] = None,
+    epochs: Annotated[int | None, typer.Option(help="Largest number of epochs.")] = None,
+    scaling: Annotated[str | None, typer.Option(help="none or standard.")] = None,
+    devices: Annotated[int, typer.Option(help="Processes, each with a device of its own.")] = 1,
+    split_file: SplitFile = None,
+    hold_out: HoldOut = None,
+    paper_constants: PaperConstants = False,
+    config: Config = None,
+    overrides: Set = None,
+) -> None:
+    """Train one model; an interrupted run goes on to the same loss curve."""
+    from mixpinn.dataset import SimulationStore
+    from mixpinn.pipeline import (
+        HYBRID,
+        HybridStageConfig,
+        ModelsConfig,
+        SplitConfig,
+        load_samples,
+        make_hybrid,
+        train_model,
+    )
+
+    settings = build_config(
+        ModelsConfig, {"names": [model]}, *settings_layers(config, None, width=width, scaling=scaling),
+        {"train": {"max_epochs": epochs}} if epochs else {}, parse_overrides(overrides or []),
+    )
+    store = SimulationStore.open(simulations_folder(source))
+    table, split = load_samples(store, SplitConfig(file=str(split_file) if split_file else None))
+    if model == HYBRID:
+        hybrid = make_hybrid(
+            store, table, split,
+            HybridStageConfig.of_simulation(made_with(store.folder, paper_constants), settings.hybrid), out=out,
+            held_out=hold_out,
+        )
+        samples = hybrid.about["training_samples"]
+        console.print(f"{len(hybrid.newton.modes)} modes from {samples} samples; model in {out}")
+        return
+    result = train_model(model, settings, table, split, store, out=out, devices=devices, held_out=hold_out)
+    console.print(
+        f"{len(result.history)} epochs, best {result.best_epoch} with {result.best_validation_loss:.4f} mm on the "
+        f"validation positions ({result.stopped_by}); model in {out}"
+    )
+
+
+@app.command()
+def evaluate(
+    source: Annotated[Path, typer.Argument(help="Folder that 'mixpinn simulate' wrote.")],
+    models: Annotated[list[Path], typer.Argument(help="Folders that 'mixpinn train' wrote.")],
+    out: Out,
+    pictures: Annotated[bool, typer.Option(help="Render the deformed mesh.")] = True,
+    paper: Annotated[bool, typer.Option(help="Show the paper's rows too.")] = False,
+    split_file: SplitFile = None,
+    hold_out: HoldOut = None,
+    paper_constants: PaperConstants = False,
+    threads: Threads = None,
+) -> None:
+    """Metrics on the test positions, pictures and the HTML report."""
+    from mixpinn.dataset import SimulationStore
+    from mixpinn.pipeline import (
+        Background,
+        EvaluationConfig,
+        SplitConfig,
+        evaluate_models,
+        load_samples,
+    )
+
+    store = SimulationStore.open(simulations_folder(source))
+    simulation = made_with(store.folder, paper_constants)
+    table, split = load_samples(store, SplitConfig(file=str(split_file) if split_file else None))
+    _, report = evaluate_models(
+        models, store, table, split, EvaluationConfig(pictures=pictures, with_paper=paper), out=out,
+        background=Background(simulation=simulation), threads=threads, held_out=hold_out,
+    )
+    console.print(f"Report: {report}")
+
+
+@app.command()
+def ablate(
+    source: Annotated[str, typer.Argument(help="Label maps, 'phantom', a mesh, or the folder of 'mixpinn simulate'.")],
+    out: Out,
+    protocol: Annotated[str, typer.Option(help="desk or paper.")] = "desk",
+    rows: Annotated[list[str] | None, typer.Option("--row", help="Only this row; repeatable. All fourteen.")] = None,
+    width: Annotated[int | None, typer.Option(help="Channels a head.")] = None,
+    probe: ProbeFile = None,
+    positions: Positions = None,
+    split_file: SplitFile = None,
+    workers: Annotated[int, typer.Option(help="Processes; every core by default.")] = 0,
+    threads: Annotated[int, typer.Option(help="CPU threads of each process.")] = 1,
+    scheduler: Annotated[str | None, typer.Option(help="Address of a Dask scheduler to use instead.")] = None,
+    devices: Annotated[int, typer.Option(help="Processes of each training, each with a device of its own.")] = 1,
+    tables_only: Annotated[bool, typer.Option("--tables-only", help="Only write tables of what is finished.")] = False,
+    config: Config = None,
+    overrides: Set = None,
+) -> None:
+    """The paper's experiments: every row trained and tested, with hold-outs; goes on where it was stopped."""
+    from mixpinn.pipeline import ABLATION_RUNS, AblationConfig, run_ablation
+
+    if protocol not in ABLATION_RUNS:
+        raise InputError(
+            f"--protocol {protocol}", expected="one of " + ", ".join(ABLATION_RUNS), got=protocol,
+            fix="choose one of them",
+        )
+    settings = build_config(AblationConfig, asdict(ABLATION_RUNS[protocol]), *settings_layers(
+        config, overrides, rows=rows and tuple(rows), hidden=width,
+        split={"file": str(split_file)} if split_file else None,
+        simulation={
+            name: str(path) for name, path in (("probe", probe), ("positions", positions)) if path
+        } or None,
+    ))
+    run_ablation(
+        source, settings, out=out, workers=workers, threads=threads, scheduler=scheduler, devices=devices,
+        tables_only=tables_only,
+    )
+
+
+@app.command()
+def profile(
+    meshes: Annotated[list[Path], typer.Argument(help="Folders that 'mixpinn mesh' wrote, or .vtu files, by name.")],
+    out: Out,
+    models: Annotated[list[str] | None, typer.Option("--model", help="Only this model; repeatable.")] = None,
+    width: Annotated[int | None, typer.Option(help="Channels a head.")] = None,
+    threads: Annotated[int | None, typer.Option(help="CPU threads of every method; 1 by default.")] = None,
+    repeats: Annotated[int | None, typer.Option(help="Predictions that are timed.")] = None,
+    probe: ProbeFile = None,
+    config: Config = None,
+    overrides: Set = None,
+) -> None:
+    """Run time of solver, prior and networks on each mesh: time, memory, growth; goes on where it was stopped."""
+    from mixpinn.pipeline import ProfileConfig, run_profile
+
+    settings = build_config(ProfileConfig, *settings_layers(
+        config, overrides, methods=models and tuple(models), hidden=width, threads=threads, repeats=repeats,
+        simulation={"probe": str(probe)} if probe else None,
+    ))
+    names = [path.stem if path.suffix == ".vtu" else path.name for path in meshes]
+    if len(set(names)) < len(names):
+        raise InputError(
+            "meshes", expected="folders or files of different names", got=", ".join(names), fix="rename one of them",
+        )
+    run_profile(dict(zip(names, map(load_mesh, meshes), strict=True)), settings, out=out)
+
+
+@app.command()
+def predict(
+    model: Annotated[Path, typer.Argument(help="Folder that 'mixpinn train' wrote.")],
+    out: Annotated[Path, typer.Option("--out", "-o", help="Deformed mesh: .vtu, .stl or .ply.")],
+    contacts: Annotated[Path | None, typer.Option(help="Contact nodes and displacements: .csv, .json or .npz.")] = None,
+    simulations: Annotated[Path | None, typer.Option(help="Take a sample of these simulations instead.")] = None,
+    tip: Annotated[str | None, typer.Option(help="Press the probe's tip to 'x,y,z' [mm] (hybrid model).")] = None,
+    position: Annotated[int, typer.Option(help="Index of the sample's probe position.")] = 0,
+    rotation: Annotated[float, typer.Option(help="The probe's rotation in degrees.")] = 0.0,
+    depth: Annotated[float | None, typer.Option(help="Its depth in mm; the deepest by default.")] = None,
+    threads: Threads = None,
+) -> None:
+    """Contact displacement, or the probe's pose, → deformed mesh, for ParaView and 3D Slicer."""
+    from mixpinn.serving import ProbeAddress, SampleAddress, predict_stage
+
+    if sum(source is not None for source in (contacts, simulations, tip)) != 1:
+        raise InputError(
+            "predict", expected="one of --contacts, --simulations and --tip", got="none or several",
+            fix="give one of them",
+        )
+    source: Path | SampleAddress | ProbeAddress
+    if contacts is not None:
+        source = contacts
+    elif tip is not None:
+        source = ProbeAddress.read(tip, rotation)
+    else:
+        assert simulations is not None
+        source = SampleAddress(simulations_folder(simulations), position, rotation, depth)
+    predict_stage(model, source, out, threads=threads)
+    console.print(f"Deformed mesh: {out}")

@@ -1,0 +1,88 @@
+"""Options that several verbs share, and how settings come from file, option and ``--set``."""
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from mixpinn.base.config import build_config, parse_overrides, read_config_file
+from mixpinn.base.errors import InputError
+
+if TYPE_CHECKING:
+    from mixpinn.pipeline import SimulationConfig
+    from mixpinn.records import TissueMesh
+
+Protocol = Annotated[str | None, typer.Option(help="paper, anatomy, small, tiny or sofa-replay.")]
+ProbeFile = Annotated[Path | None, typer.Option(help="Probe surface (.stl), tip at the origin, pointing to −y.")]
+Positions = Annotated[Path | None, typer.Option(help="File with one probe position a line.")]
+PaperConstants = Annotated[bool, typer.Option(help="Tissue constants of the paper's fields.")]
+MeshSource = Annotated[Path, typer.Argument(help="Folder that 'mixpinn mesh' wrote, or its mesh.vtu.")]
+Out = Annotated[Path, typer.Option("--out", "-o", help="Run directory; an unfinished run in it goes on.")]
+Set = Annotated[
+    list[str] | None, typer.Option("--set", help="Override a setting, for example train.max_epochs=20; repeatable."),
+]
+Config = Annotated[Path | None, typer.Option("--config", "-c", help="Settings as TOML or JSON.")]
+SplitFile = Annotated[Path | None, typer.Option("--split", help="Split of the positions as JSON, or every-fifth.")]
+HoldOut = Annotated[
+    str | None, typer.Option(help="Hold-out: rotation-45, rotation-135, deep, lateral, caudal or noise."),
+]
+Threads = Annotated[int | None, typer.Option(help="CPU threads; every core by default.")]
+
+
+def settings_layers(config: Path | None, overrides: list[str] | None, **options: Any) -> list[dict[str, Any]]:
+    """Settings by file, then by option, then by --set."""
+    return [
+        read_config_file(config) if config else {},
+        {key: value for key, value in options.items() if value is not None},
+        parse_overrides(overrides or []),
+    ]
+
+
+def simulations_folder(folder: Path) -> Path:
+    """The store inside the run directory of `simulate`, or the store itself."""
+    for candidate in (folder / "store", folder):
+        if (candidate / "store.json").exists():
+            return candidate
+    raise InputError(
+        str(folder), expected="simulations", got="no store.json", fix="give the folder that 'mixpinn simulate' wrote",
+    )
+
+
+def load_mesh(source: Path) -> "TissueMesh":
+    """The mesh inside the run directory of `mesh`, or the file itself."""
+    from mixpinn.records import TissueMesh
+
+    return TissueMesh.load(source if source.suffix == ".vtu" else source / "mesh.vtu")
+
+
+def simulation_settings(
+    config: Path | None, overrides: list[str] | None, *, protocol: str | None, probe: Path | None,
+    positions: Path | None, paper_constants: bool, workers: int | None = None,
+) -> "SimulationConfig":
+    """Settings of the simulation from file and options."""
+    from mixpinn.dataset import PROTOCOLS
+    from mixpinn.pipeline import PAPER_TISSUE_CONFIG, SimulationConfig
+
+    if protocol is not None and protocol not in PROTOCOLS:
+        raise InputError(
+            f"--protocol {protocol}", expected="one of " + ", ".join(PROTOCOLS), got=protocol, fix="choose one of them",
+        )
+    return build_config(SimulationConfig, *settings_layers(
+        config, overrides, protocol=protocol and asdict(PROTOCOLS[protocol]), probe=probe and str(probe),
+        positions=positions and str(positions), workers=workers,
+        tissue=asdict(PAPER_TISSUE_CONFIG) if paper_constants else None,
+    ))
+
+
+def made_with(store: Path, paper_constants: bool) -> "SimulationConfig":
+    """How the simulations of a store were made, which the elastic prior needs; recordings do not tell the tissue."""
+    from mixpinn.base.files import read_json
+    from mixpinn.pipeline import PAPER_TISSUE_CONFIG, SimulationConfig
+
+    record = store.parent / "run.json"
+    made = read_json(record) if record.exists() else {}
+    return build_config(
+        SimulationConfig, made["config"] if made.get("stage") == "simulate" else {},
+        {"tissue": asdict(PAPER_TISSUE_CONFIG)} if paper_constants else {},
+    )

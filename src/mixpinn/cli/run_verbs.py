@@ -1,0 +1,106 @@
+"""The verbs that run several stages, and the exchange with other simulators."""
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from mixpinn.base.config import build_config
+from mixpinn.base.progress import console
+from mixpinn.cli.app import app, export_app, import_app
+from mixpinn.cli.options import (
+    Config,
+    MeshSource,
+    Out,
+    PaperConstants,
+    Positions,
+    ProbeFile,
+    Protocol,
+    Set,
+    Threads,
+    load_mesh,
+    settings_layers,
+    simulation_settings,
+)
+
+
+@app.command()
+def run(
+    config: Annotated[Path, typer.Argument(help="Settings of all stages as TOML or JSON.")],
+    out: Out,
+    overrides: Set = None,
+    threads: Threads = None,
+) -> None:
+    """The whole pipeline, from label maps to report; goes on where it was stopped."""
+    from mixpinn.pipeline import RunConfig, run_pipeline
+
+    run_pipeline(build_config(RunConfig, *settings_layers(config, overrides)), out=out, threads=threads)
+
+
+@app.command()
+def demo(out: Out = Path("runs/demo"), overrides: Set = None, threads: Threads = None) -> None:
+    """The whole pipeline on the built-in phantom."""
+    from mixpinn.pipeline import DEMO, RunConfig, run_pipeline
+
+    run_pipeline(build_config(RunConfig, asdict(DEMO), *settings_layers(None, overrides)), out=out, threads=threads)
+
+
+@app.command()
+def onboard(
+    source: Annotated[str, typer.Argument(help="Folder of NIfTIs, one multi-label NIfTI, or 'phantom'.")],
+    out: Out,
+    poses: Annotated[int | None, typer.Option(help="Poses to simulate and learn from; 0 stops at the prior.")] = None,
+    probe: ProbeFile = None,
+    size: Annotated[float | None, typer.Option(help="Mesh size: 1 is the paper's, larger is coarser.")] = None,
+    workers: Annotated[int | None, typer.Option(help="Processes; every core by default.")] = None,
+    pictures: Annotated[bool, typer.Option(help="Render the deformed mesh.")] = True,
+    config: Config = None,
+    overrides: Set = None,
+) -> None:
+    """Label maps → a predictor bundle, usable after the prior and better after each round of poses; with a report."""
+    from mixpinn.pipeline import OnboardingConfig, onboard
+
+    kind = "phantom" if source == "phantom" else "folder" if Path(source).is_dir() else "multilabel"
+    anatomy: dict[str, Any] = {"source": kind, "path": None if kind == "phantom" else source}
+    simulation = {"probe": probe and str(probe), "workers": workers}
+    settings = build_config(OnboardingConfig, *settings_layers(
+        config, overrides, poses=poses, pictures=None if pictures else False,
+        anatomy={**anatomy, "repair": kind != "phantom"}, mesh={"size": size} if size else None,
+        simulation={key: value for key, value in simulation.items() if value is not None} or None,
+    ))
+    console.print(f"Predictor: {onboard(settings, out=out)}")
+
+
+@export_app.command("sofa")
+def export_sofa(
+    source: MeshSource,
+    out: Out,
+    protocol: Protocol = None,
+    probe: ProbeFile = None,
+    positions: Positions = None,
+    paper_constants: PaperConstants = False,
+    config: Config = None,
+    overrides: Set = None,
+) -> None:
+    """The same set-up as a documented SofaPython3 scene with a recorder."""
+    from mixpinn.pipeline import export_sofa as write
+
+    settings = simulation_settings(
+        config, overrides, protocol=protocol, probe=probe, positions=positions, paper_constants=paper_constants,
+    )
+    console.print(f"Scene: {write(load_mesh(source), settings, out=out)}")
+
+
+@import_app.command("sofa")
+def import_sofa(
+    recordings: Annotated[Path, typer.Argument(help="Folder of recordings pose_PPP_RRR.npz.")],
+    mesh_source: Annotated[Path, typer.Option("--mesh", help="Mesh that they were made on: folder or .vtu.")],
+    positions: Annotated[Path, typer.Option(help="File with one listed probe position a line.")],
+    out: Out,
+) -> None:
+    """SOFA recordings → simulations that 'mixpinn train' and 'evaluate' read."""
+    from mixpinn.pipeline import import_sofa_recordings
+
+    store = import_sofa_recordings(recordings, load_mesh(mesh_source), positions=positions, out=out)
+    console.print(f"{len(store.poses)} poses in {out}")
