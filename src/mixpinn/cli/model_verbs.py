@@ -20,6 +20,7 @@ from mixpinn.cli.options import (
     Set,
     SplitFile,
     Threads,
+    load_mesh,
     made_with,
     settings_layers,
     simulations_folder,
