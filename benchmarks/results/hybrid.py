@@ -112,6 +112,10 @@ def _bars(bars: Mapping[str, Any]) -> list[str]:
         ("99th percentile of latency [ms]", "latency_ms_p99", "≤ 10"), ("Loading [s]", "loading_seconds", "≤ 1"),
         ("MEE from the pose alone [mm]", "pose_mee", "≤ 0.1"),
         ("Median latency from the pose [ms]", "pose_latency_ms_p50", "≤ 10"),
+        ("Error of a vertebra's translation from the pose, 95th percentile [mm]", "vertebra_translation_p95", "≤ 0.1"),
+        ("Error of a vertebra's rotation from the pose, 95th percentile [°]", "vertebra_rotation_p95_deg", "≤ 0.05"),
+        ("Relative error of the probe's force from the pose, mean", "force_error_mean", "≤ 0.1"),
+        ("Relative error of the probe's force from the pose, 95th percentile", "force_error_p95", "≤ 0.1"),
     ]
     return [
         f"Command: `python -m benchmarks.hybrid BUNDLE --threads {bars['threads']}`; {bars['samples']:,} test samples, "
