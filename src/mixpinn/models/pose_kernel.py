@@ -72,10 +72,14 @@ def cast_along(points, vertices, triangles, axis, nearest, hit, weights, height)
 
 
 @numba.njit(cache=True)
-def nearest_place(point, vertices, triangles, place, weights):  # type: ignore[no-untyped-def]
-    """Nearest place of a surface to `point`: fills it and its weights; returns the triangle and the distance [mm]."""
-    best, found = np.inf, -1
-    for t in range(len(triangles)):
+def nearest_place(point, vertices, triangles, first, place, weights):  # type: ignore[no-untyped-def]
+    """Nearest place of a surface to `point`: fills it and its weights; returns the triangle and the distance [mm].
+
+    `first` is a triangle to begin with; the nearer it is, the fewer others are looked at.
+    """
+    best, found = np.inf, first
+    for k in range(-1, len(triangles)):
+        t = first if k < 0 else k
         a, b, c = vertices[triangles[t, 0]], vertices[triangles[t, 1]], vertices[triangles[t, 2]]
         apart = 0.0
         for r in range(3):
@@ -96,7 +100,7 @@ def nearest_place(point, vertices, triangles, place, weights):  # type: ignore[n
 
 
 @numba.njit(cache=True)
-def touch_along(start, axis, gap, vertices, triangles, point, place, weights):  # type: ignore[no-untyped-def]
+def touch_along(start, axis, gap, vertices, triangles, first, point, place, weights):  # type: ignore[no-untyped-def]
     """Move `point` from `start` along `axis` to where a surface is `gap` away; fills the nearest place there.
 
     Newton's method on the distance, which is convex along a line where the surface is, so that it does not overshoot.
@@ -106,7 +110,7 @@ def touch_along(start, axis, gap, vertices, triangles, point, place, weights):  
     """
     for r in range(3):
         point[r] = start[r]
-    t, distance = nearest_place(point, vertices, triangles, place, weights)
+    t, distance = nearest_place(point, vertices, triangles, first, place, weights)
     for _ in range(6):
         if abs(distance - gap) < 0.01 or distance < 1e-6:
             break
@@ -116,7 +120,7 @@ def touch_along(start, axis, gap, vertices, triangles, point, place, weights):  
         move = (distance - gap) / max(along, 0.25)
         for r in range(3):
             point[r] += move * axis[r]
-        t, distance = nearest_place(point, vertices, triangles, place, weights)
+        t, distance = nearest_place(point, vertices, triangles, t, place, weights)
     return t, distance
 
 
@@ -160,14 +164,16 @@ def pair_contacts(  # type: ignore[no-untyped-def]
                 continue
             for r in range(3):
                 start[r] = samples[i, r] - (sample_height[i] + 2.0 * gap) * axis[r]
-            t, distance = touch_along(start, axis, gap, x, triangles, point, place, share)
+            t, distance = touch_along(start, axis, gap, x, triangles, sample_hit[i], point, place, share)
         else:
             v = i - ns
             if vertex_hit[v] < 0 or vertex_height[v] > gap + reach:
                 continue
             for r in range(3):
                 start[r] = x[v, r] - (vertex_height[v] - 2.0 * gap) * axis[r]
-            t, distance = touch_along(start, towards, gap, corners, probe_triangles, point, place, share)
+            t, distance = touch_along(
+                start, towards, gap, corners, probe_triangles, vertex_hit[v], point, place, share,
+            )
         if abs(distance - gap) > 0.1:
             continue  # too steep to be met along the axis
         key[count] = i
