@@ -1,5 +1,6 @@
 """The training loop."""
 
+from mixpinn.training.arithmetic import settle_arithmetic
 from mixpinn.training.batches import Batch, batches, contact_fields
 from mixpinn.training.config import PAPER_TRAINING, PHYSGNN_TRAINING, TrainConfig
 from mixpinn.training.history import EpochRecord, TrainingResult, read_history
@@ -8,6 +9,17 @@ from mixpinn.training.schedule import Schedule
 from mixpinn.training.stage import train_stage
 
 __all__ = [
-    "PAPER_TRAINING", "PHYSGNN_TRAINING", "Batch", "EpochRecord", "Schedule", "TrainConfig", "TrainingResult",
-    "batches", "contact_fields", "read_history", "train", "train_stage",
+    "PAPER_TRAINING",
+    "PHYSGNN_TRAINING",
+    "Batch",
+    "EpochRecord",
+    "Schedule",
+    "TrainConfig",
+    "TrainingResult",
+    "batches",
+    "contact_fields",
+    "read_history",
+    "settle_arithmetic",
+    "train",
+    "train_stage",
 ]
