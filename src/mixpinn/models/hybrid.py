@@ -17,17 +17,20 @@ from typing import Any
 import numpy as np
 import torch
 
-from mixpinn.base.arrays import AnyArray, Float32Array, FloatArray, IntArray
+from mixpinn.base.arrays import AnyArray, Float32Array, FloatArray
 from mixpinn.base.errors import InputError
 from mixpinn.base.files import read_json, write_json
 from mixpinn.models.equilibrium import Equilibrium
 from mixpinn.models.error_estimate import ErrorEstimate, Signs
 from mixpinn.models.modal_newton import ModalNewton
-from mixpinn.models.prior import ContactSystem, ElasticPrior
+from mixpinn.models.prior import ContactSystem, ElasticPrior, contact_nodes
 from mixpinn.models.tensor_file import read_tensors, write_tensors
 from mixpinn.records import TissueMesh
 
 HYBRID_FILE, _TENSORS, _PRIOR = "hybrid.json", "hybrid.safetensors", "prior"
+POSE_FILE = "pose.safetensors"
+"""What a bundle that takes poses holds besides; see `mixpinn.models.pose_files`."""
+
 _FORMAT = 1
 
 
@@ -170,12 +173,6 @@ class HybridModel:
             raise InputError(
                 str(folder), expected="a complete hybrid model", got=repr(found), fix="fit the model again",
             ) from found
-
-
-def contact_nodes(contact_displacement: AnyArray) -> IntArray:
-    """Nodes that a field of contact displacements (n, 3) moves."""
-    found: IntArray = np.flatnonzero(np.any(contact_displacement != 0.0, axis=1))
-    return found
 
 
 def features(step: AnyArray, coordinates: AnyArray) -> Float32Array:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mixpinn.base.arrays import AnyArray, Float32Array, FloatArray
-from mixpinn.models.prior import ContactSystem, ElasticPrior
+from mixpinn.models.prior import ContactSystem, ElasticPrior, contact_nodes
 
 if TYPE_CHECKING:
     from mixpinn.fem import Material
@@ -35,13 +35,13 @@ class NewtonSteps:
 
     def predict(self, contact_displacement: AnyArray) -> Float32Array:
         """Displacement of every node [mm], (n, 3): the prior's and `steps` steps with the rest-state stiffness."""
-        nodes = np.flatnonzero(np.any(contact_displacement != 0.0, axis=1))
+        nodes = contact_nodes(contact_displacement)
         if not len(nodes):
             return np.zeros((self.prior.mesh.n_points, 3), dtype=np.float32)
         contact = self.prior.hold(nodes)
         force = contact.solve(np.asarray(contact_displacement)[nodes].ravel())
         unknowns = self.prior.respond_to_forces(contact, force).astype(np.float64)
-        return self._expand(self.at_rest_stiffness(unknowns, contact, self.steps))
+        return self.prior.expand(self.at_rest_stiffness(unknowns, contact, self.steps))
 
     def at_rest_stiffness(self, unknowns: FloatArray, contact: ContactSystem, steps: int) -> FloatArray:
         """Unknowns (D,) after `steps` steps with the rest-state stiffness from `unknowns` (D,)."""
@@ -77,6 +77,3 @@ class NewtonSteps:
                 state = self._system.advance(state, -self._now.solve(residual))
         field = (state.points - self.prior.mesh.points).astype(np.float32)
         return field, np.array(history)
-
-    def _expand(self, unknowns: FloatArray) -> Float32Array:
-        return self.prior.expand(unknowns)

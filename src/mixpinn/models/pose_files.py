@@ -7,12 +7,11 @@ import numpy as np
 import torch
 
 from mixpinn.base.errors import InputError
-from mixpinn.models.hybrid import HybridModel
+from mixpinn.models.hybrid import POSE_FILE, HybridModel
 from mixpinn.models.pose_contact import PoseContactConfig, PriorContact, ProbeGeometry
 from mixpinn.models.pose_model import PoseCorrection, PoseModel
 from mixpinn.models.tensor_file import read_tensors, write_tensors
 
-POSE_FILE = "pose.safetensors"
 _FORMAT = 1
 _CORRECTION = ("modes", "gain", "wrench_gain", "scale")
 

@@ -33,6 +33,12 @@ _ABOUT, _COMPLIANCE = "prior.json", "compliance.npy"
 _LEFT, _RIGHT, _OWN = "left.npy", "right.npy", "own.npy"
 
 
+def contact_nodes(contact_displacement: AnyArray) -> IntArray:
+    """Nodes that a field of contact displacements (n, 3) moves."""
+    found: IntArray = np.flatnonzero(np.any(contact_displacement != 0.0, axis=1))
+    return found
+
+
 class ContactSystem:
     """Some contact nodes of a prior, held together: l nodes.
 
@@ -200,7 +206,7 @@ class ElasticPrior:
 
     def predict(self, contact_displacement: AnyArray) -> Float32Array:
         """Displacement of every node [mm], shape (n, 3), from that of the contact nodes, zero elsewhere (n, 3)."""
-        nodes = np.flatnonzero(np.any(contact_displacement != 0.0, axis=1))
+        nodes = contact_nodes(contact_displacement)
         if not len(nodes):
             return np.zeros((self.mesh.n_points, 3), dtype=np.float32)
         unknowns, _ = self.respond(nodes, contact_displacement[nodes])

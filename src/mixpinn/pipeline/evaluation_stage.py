@@ -30,7 +30,7 @@ from mixpinn.evaluation import (
 )
 from mixpinn.models.newton_steps import NewtonSteps
 from mixpinn.models.prior import ElasticPrior, probed_nodes
-from mixpinn.pipeline.simulation_stage import SimulationConfig, TissueConfig
+from mixpinn.pipeline.simulation_stage import SimulationConfig, TissueConfig, mesh_materials
 from mixpinn.pipeline.training_stage import choose_samples
 from mixpinn.records import Evaluation, Probe, SampleTable, TissueMesh
 from mixpinn.serving import AnyPredictor, load_predictor
@@ -144,7 +144,7 @@ def evaluate_models(
         prior = build_prior(mesh, simulation.tissues, simulation.tissue, table)
         candidates.append(prior)
         if config.newton_steps:
-            materials = [simulation.tissues.get(name, simulation.tissue).material() for name in mesh.tissue_names]
+            materials = mesh_materials(mesh, simulation.tissues, simulation.tissue)
             candidates.append(NewtonSteps(prior, materials, steps=config.newton_steps))
     candidates += trained
     evaluations = []

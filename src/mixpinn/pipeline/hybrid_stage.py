@@ -1,13 +1,12 @@
 """The hybrid stage: simulations in, a predictor bundle with prior, correction and calibration out."""
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from mixpinn.base.files import hash_arrays
 from mixpinn.base.rundir import finish_run, is_finished, start_run
 from mixpinn.dataset import SimulationStore, Split
-from mixpinn.fem import ContactConfig, Material
+from mixpinn.fem import ContactConfig
 from mixpinn.models import MESH_FILE
 from mixpinn.models.hybrid import HYBRID_FILE, HybridModel
 from mixpinn.models.pose_contact import PoseContactConfig, PriorContact, ProbeGeometry
@@ -16,9 +15,9 @@ from mixpinn.models.pose_fit import collect, fit_pose
 from mixpinn.models.pose_model import PoseModel
 from mixpinn.models.prior import ElasticPrior
 from mixpinn.pipeline.evaluation_stage import build_prior
-from mixpinn.pipeline.simulation_stage import SimulationConfig, TissueConfig
+from mixpinn.pipeline.simulation_stage import SimulationConfig, TissueConfig, mesh_materials
 from mixpinn.pipeline.training_stage import choose_samples
-from mixpinn.records import Probe, SampleTable, TissueMesh
+from mixpinn.records import Probe, SampleTable
 from mixpinn.training.hybrid import HybridConfig, fit_hybrid
 
 SPLIT_FILE, PROBE_FILE = "split.json", "probe.stl"
@@ -50,11 +49,6 @@ class HybridStageConfig:
     ) -> "HybridStageConfig":
         """For simulations made with `simulation`."""
         return HybridStageConfig(simulation.tissue, simulation.tissues, hybrid, simulation.contact, pose)
-
-
-def mesh_materials(mesh: TissueMesh, tissues: Mapping[str, TissueConfig], default: TissueConfig) -> Sequence[Material]:
-    """The material of each tissue of the mesh."""
-    return [tissues.get(name, default).material() for name in mesh.tissue_names]
 
 
 def make_hybrid(

@@ -27,11 +27,10 @@ from mixpinn.pipeline.evaluation_stage import Background, EvaluationConfig, eval
 from mixpinn.pipeline.hybrid_stage import (
     SPLIT_FILE,
     fit_pose_model,
-    mesh_materials,
     plain_pose_model,
     save_bundle,
 )
-from mixpinn.pipeline.simulation_stage import SimulationConfig, begin_simulations, make_scene
+from mixpinn.pipeline.simulation_stage import SimulationConfig, begin_simulations, make_scene, mesh_materials
 from mixpinn.records import SampleTable, TissueMesh
 from mixpinn.training.hybrid import HybridConfig, fit_hybrid
 

@@ -1,6 +1,7 @@
 """The simulation stage: a mesh and a protocol in, a store of simulated poses out."""
 
 import os
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Literal
@@ -109,6 +110,11 @@ class SimulationConfig:
             )
 
 
+def mesh_materials(mesh: TissueMesh, tissues: Mapping[str, TissueConfig], default: TissueConfig) -> Sequence[Material]:
+    """The material of each tissue of the mesh."""
+    return [tissues.get(name, default).material() for name in mesh.tissue_names]
+
+
 def make_scene(mesh: TissueMesh, config: SimulationConfig) -> Scene:
     """The scene of `config` on `mesh`.
 
@@ -121,7 +127,7 @@ def make_scene(mesh: TissueMesh, config: SimulationConfig) -> Scene:
             f"tissue {unknown[0]!r}", expected="one of " + ", ".join(mesh.tissue_names), got="another name",
             fix="name a tissue of the mesh",
         )
-    materials = tuple(config.tissues.get(name, config.tissue).material() for name in mesh.tissue_names)
+    materials = tuple(mesh_materials(mesh, config.tissues, config.tissue))
     probe = linear_probe() if config.probe is None else Probe.load(config.probe)
     return Scene(mesh, probe, materials, config.contact, config.solver)
 

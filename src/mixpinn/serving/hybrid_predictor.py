@@ -12,15 +12,14 @@ from scipy.spatial.transform import Rotation
 from mixpinn.base.arrays import AnyArray, Float32Array, FloatArray
 from mixpinn.base.errors import InputError
 from mixpinn.models import MESH_FILE
-from mixpinn.models.hybrid import HybridModel, HybridState, contact_nodes
+from mixpinn.models.hybrid import POSE_FILE, HybridModel, HybridState
+from mixpinn.models.prior import contact_nodes
 from mixpinn.records import Prediction, TissueMesh
 from mixpinn.serving.predictor import checked_field, contact_field
 
 if TYPE_CHECKING:
     from mixpinn.models.pose_contact import ContactHistory
     from mixpinn.models.pose_model import PoseModel, PosePrediction
-
-_POSE_FILE = "pose.safetensors"
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +108,7 @@ class HybridPredictor:
         began = time.perf_counter()
         model = HybridModel.load(folder, mesh or TissueMesh.load(Path(folder) / MESH_FILE))
         pose = None
-        if (Path(folder) / _POSE_FILE).is_file():
+        if (Path(folder) / POSE_FILE).is_file():
             # Imported here: contact needs the solver's geometry, which predicting from contact displacements does not.
             from mixpinn.models.pose_files import load_pose_model
 
