@@ -100,7 +100,12 @@ def test_fewer_positions_get_more_epochs_for_the_same_budget(table):
 
 def test_uninterrupted_table_on_other_workers_has_the_same_figures(chain, table, scheduler, tmp_path):
     done(*words(chain, tmp_path, tmp_path / "table"), "--scheduler", scheduler)
-    assert means(tmp_path / "table") == means(table)
+    repeated, first = means(tmp_path / "table"), means(table)
+    assert list(repeated) == list(first)
+    for run, test_sets in first.items():
+        for name, figures in test_sets.items():
+            # Other processes: the last digits of matrix products may differ between them.
+            assert repeated[run][name] == pytest.approx(figures, rel=1e-3, abs=1e-9)
 
 
 def test_finished_table_trains_nothing_again(chain, table, tmp_path):

@@ -24,3 +24,10 @@ def test_threads_do_not_share() -> None:
     thread.start()
     thread.join()
     assert not np.shares_memory(*seen)
+
+
+def test_memory_begins_where_matrix_products_are_reproducible() -> None:
+    scratch, kept = Scratch(), []
+    for size in range(1, 400, 7):
+        kept.append(np.empty(size))  # moves the place where the next small array would begin
+        assert scratch.take(str(size), (size,)).ctypes.data % 64 == 0

@@ -142,7 +142,10 @@ def test_a_process_killed_between_two_files_of_an_epoch_goes_on_to_the_same_curv
     )
     assert done.returncode == -signal.SIGKILL, done.stderr.decode()
     assert len(read_history(tmp_path / "cut")) == 1
-    assert curve(run(tmp_path / "cut").history) == curve(run(tmp_path / "whole").history)
+    # Two processes are compared here: on some CPUs their matrix products differ in the last digits, which six epochs of
+    # training enlarge. A run that lost its optimizer's state would differ by a tenth.
+    resumed, whole = curve(run(tmp_path / "cut").history), curve(run(tmp_path / "whole").history)
+    assert np.array(resumed) == pytest.approx(np.array(whole), rel=1e-3)
 
 
 def test_a_finished_run_is_extended_by_a_higher_limit_and_else_left_alone(run: Any, tmp_path: Path) -> None:

@@ -3,7 +3,7 @@
 import math
 import threading
 
-import numpy as np
+import torch
 
 from mixpinn.base.arrays import Float32Array
 
@@ -19,7 +19,9 @@ class Scratch(threading.local):
         size = math.prod(shape)
         buffer = self._buffers.get(name)
         if buffer is None or len(buffer) < size:
-            buffer = self._buffers[name] = np.empty(size, np.float32)
+            # torch's memory begins at a multiple of 64 bytes. Matrix products may differ in their last digits with
+            # the alignment of their factors, which NumPy leaves to chance.
+            buffer = self._buffers[name] = torch.empty(size, dtype=torch.float32).numpy()
         return buffer[:size].reshape(shape)
 
 

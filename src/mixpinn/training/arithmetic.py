@@ -2,6 +2,10 @@
 
 import torch
 
+_SHAPES = ((500, 16, 6), (64, 64, 64), (4096, 256, 256))
+"""Rows, inner length and columns of products small enough to cost nothing, and of each size for which the matrix
+library has its own kernels."""
+
 
 def settle_arithmetic() -> None:
     """Let torch choose the kernels of its matrix products now.
@@ -10,8 +14,12 @@ def settle_arithmetic() -> None:
     multiplied its first matrices, some products come out different in their last digits, and a training that is gone on
     with in another process would leave the loss curve that it began.
     """
-    for rows, inner, columns in ((500, 16, 6), (64, 64, 64)):
-        torch.mm(torch.ones(rows, inner), torch.ones(inner, columns))
+    for rows, inner, columns in _SHAPES:
+        left, right = torch.ones(rows, inner), torch.ones(inner, columns)
+        product = torch.mm(left, right)  # as a layer does forward, and both ways backward
+        torch.mm(product, right.T)
+        torch.mm(left.T, product)
+        torch.mv(left, right[:, 0].contiguous())
 
 
 settle_arithmetic()

@@ -32,7 +32,7 @@ class Batch:
 
 def contact_fields(table: SampleTable, indices: AnyArray) -> Tensor:
     """The models' input for the samples `indices`: contact displacement, zero elsewhere [mm], shape (b, n, 3)."""
-    return torch.from_numpy(np.stack([table.contact_field(int(index)) for index in indices]))
+    return torch.tensor(np.stack([table.contact_field(int(index)) for index in indices]))
 
 
 def epoch_order(n_samples: int, generator: torch.Generator | None) -> AnyArray:
@@ -74,7 +74,7 @@ def batches(
         share = whole[rank::processes]
         # Every process must take part in every gradient exchange: one without samples brings a weight of zero.
         present = share if len(share) else whole[:1]
-        target = torch.from_numpy(np.array(table.displacement[present], dtype=np.float32))
+        target = torch.tensor(table.displacement[present], dtype=torch.float32)
         yield Batch(
             contact_fields(table, present).to(torch.float32), virtual_targets(graph, target),
             weight=len(share) * processes / len(whole), n_samples=len(share),

@@ -41,8 +41,8 @@ def train(
     """Train a network, or go on with a run that was interrupted.
 
     After every epoch the whole state is written, so that a run killed at any moment goes on from the last complete
-    epoch and, on CPUs, gives the same loss curve to the last bit as one that was never interrupted. The random
-    numbers of the caller stay untouched.
+    epoch and, on CPUs, follows the same loss curve as one that was never interrupted: to the last bit in one process,
+    and between processes up to the last digits of matrix products. The random numbers of the caller stay untouched.
 
     Args:
         model_config: the network; its REL weight decides the loss.
