@@ -2,11 +2,16 @@
 
 import json
 
+import numpy as np
 import pytest
 
 from benchmarks.results import __main__ as results
+from benchmarks.results import full_scale
 from benchmarks.results.experiments import render
 from benchmarks.results.section import Section, table
+from mixpinn.base.files import write_json
+from mixpinn.records import Evaluation
+from mixpinn.training.history import EpochRecord, write_history
 
 README = "before\n<!-- figures: demo -->\nold\n<!-- end: demo -->\nafter\n"
 
@@ -82,3 +87,29 @@ def test_claims_are_told_in_words_that_follow_from_their_table():
     assert "- Twice the budget: VN lowers rigid MEE (2 → 10): 0.400 against 0.200 mm, ratio 2.00;" in text
     assert "#### Twice the budget\n\nAnother protocol." in text
     assert text.count("| REL lowers REE | 2 → 9 |") == 2
+
+
+def test_networks_at_full_width_stand_beside_the_ridge_and_the_paper(tmp_path, monkeypatch):
+    run, training = tmp_path / "evaluation", tmp_path / "row-10"
+    for folder in (run, training, tmp_path / "images"):
+        folder.mkdir()
+    write_json(run / "run.json", {"started": "2026-01-02T03:04:05"})
+    write_json(training / "run.json", {"config": {"training": {"learning_rate": 0.001, "batch_size": 4}}})
+    write_history(training, [EpochRecord(1, 0.9, 0.8, 1e-3, 60.0), EpochRecord(2, 0.7, 0.9, 1e-3, 120.0)])
+    errors = np.array([0.1, 0.2, 0.6])
+    Evaluation(
+        "row-10", "test", dict.fromkeys(("mee", "mae", "mse", "rigid_mee", "soft_mee", "ree"), errors),
+        {"position": np.array([3.0, 3.0, 8.0]), "rotation": np.zeros(3), "depth": np.ones(3)}, {}, np.full(3, 0.01),
+    ).save(run / "evaluation-00-row-10.json")
+    monkeypatch.setattr(full_scale, "RESULTS", tmp_path)
+    ridge = {"model": full_scale.RIDGE, "mee": 0.0172, "rigid_mee": 0.0163, "soft_mee": 0.0177, "ree": 0.0,
+             "mee_p95": 0.0449, "mee_max": 0.0608}
+    write_json(tmp_path / "hybrid.json", {"sofa": [{"model": "Elastic prior", "mee": 0.03}, ridge]})
+    data = full_scale.collect([str(run), str(training)], tmp_path / "images")
+    text = full_scale.render({**json.loads(json.dumps(data)), "machine": "a machine"})
+    assert "3 samples at 2 test positions" in text
+    assert "| row-10 | 0.3000 | 0.3000 | 0.3000 | 0.3000 | 0.3000 | 0.3000 | 0.5600 | 0.6000 |" in text
+    assert f"| {full_scale.RIDGE} | 0.0172 | – | – | 0.0163 |" in text
+    assert "| *MIXPINN, the paper's own samples* | 0.2588 |" in text  # the paper's Table of models
+    assert "| row-10 | 2 | 1 | 0.9000 | 0.8000 | 3 | 0.001 | 4 |" in text
+    assert (tmp_path / "images" / full_scale.PICTURE).stat().st_size > 5_000

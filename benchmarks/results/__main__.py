@@ -8,6 +8,7 @@ import argparse
 from pathlib import Path
 
 from benchmarks.results.experiments import EXPERIMENTS
+from benchmarks.results.full_scale import FULL_SCALE
 from benchmarks.results.hybrid import HYBRID
 from benchmarks.results.pipeline_run import DEMO, PATIENT1, short
 from benchmarks.results.profile import PROFILE
@@ -18,7 +19,7 @@ from mixpinn.base.files import write_text
 from mixpinn.base.rundir import is_finished
 
 ROOT = Path(__file__).parents[2]
-SECTIONS: tuple[Section, ...] = (PATIENT1, DEMO, HYBRID, EXPERIMENTS, PROFILE, PROTOCOL, SPEED)
+SECTIONS: tuple[Section, ...] = (PATIENT1, DEMO, HYBRID, EXPERIMENTS, FULL_SCALE, PROFILE, PROTOCOL, SPEED)
 """In the order of the page."""
 
 
@@ -61,7 +62,7 @@ def main(arguments: list[str] | None = None) -> None:
     options = parser.parse_args(arguments)
     folder, images = options.out.with_suffix(""), options.out.parent / "images"
     for section in SECTIONS:
-        given = getattr(options, section.name)
+        given = getattr(options, section.name.replace("-", "_"))
         if given is None and section.default is not None and is_finished(section.default):
             given = section.default
         if given is not None:
