@@ -21,10 +21,11 @@ from mixpinn.dataset import SimulationStore, Split, build_sample_table
 from mixpinn.models.coordinates import ReducedCoordinates
 from mixpinn.models.hybrid import HybridModel
 from mixpinn.models.modes import coefficients, principal_modes
-from mixpinn.models.pose_contact import PoseContactConfig, PriorContact, ProbeGeometry
+from mixpinn.models.pose_contact import PriorContact
 from mixpinn.models.pose_files import load_pose_model, save_pose_model
 from mixpinn.models.pose_fit import collect, fit_pose, ridge
 from mixpinn.models.pose_model import PoseModel
+from mixpinn.models.pose_records import PoseContactConfig, ProbeGeometry
 from mixpinn.records import Probe, SampleTable
 
 Answer = Callable[[int], tuple[np.ndarray, np.ndarray]]

@@ -7,7 +7,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 from mixpinn.base.errors import InputError
 from mixpinn.fem import PoseSimulator, Scene, SuperLUSolver, linear_probe, spherical_probe
 from mixpinn.fem.contact_geometry import proximity
-from mixpinn.models.pose_contact import PoseContactConfig, PriorContact, ProbeGeometry
+from mixpinn.models.pose_contact import PriorContact
+from mixpinn.models.pose_records import PoseContactConfig, ProbeGeometry
 from mixpinn.models.prior import ElasticPrior
 from mixpinn.records import ProbePath
 from models.pressed_block import TISSUE, top_nodes

@@ -12,10 +12,11 @@ from mixpinn.fem import SuperLUSolver, spherical_probe
 from mixpinn.models.equilibrium import Equilibrium
 from mixpinn.models.hybrid import HybridModel
 from mixpinn.models.modal_newton import ModalNewton
-from mixpinn.models.pose_contact import PriorContact, ProbeGeometry
+from mixpinn.models.pose_contact import PriorContact
 from mixpinn.models.pose_files import POSE_FILE, load_pose_model, save_pose_model
 from mixpinn.models.pose_fit import PoseSamples, fit_pose, ridge
 from mixpinn.models.pose_model import PoseModel, quadratic_features
+from mixpinn.models.pose_records import ProbeGeometry
 from mixpinn.models.prior import ElasticPrior
 from models.pressed_block import TISSUE, top_nodes
 from training.toy_block import block_mesh

@@ -77,6 +77,10 @@ def exponent_table(timings: Sequence[Row]) -> Table:
     return Table("How the cost grows", ("Method", "Exponent", "Deep / shallow"), tuple(rows), note)
 
 
+BESIDE: dict[str, Any] = {"loc": "upper left", "bbox_to_anchor": (1.0, 1.0)}
+"""Place of a legend beside the axes: the curves lie everywhere in them."""
+
+
 def cost_figure(timings: Sequence[Row]) -> Figure:
     """Median time against the number of nodes, both axes logarithmic."""
     figure, axes = new_figure()
@@ -93,7 +97,7 @@ def cost_figure(timings: Sequence[Row]) -> Figure:
         axes.set_xticks(nodes, [f"{count:,}" for count in nodes])
         axes.minorticks_off()
         axes.set(xlabel="Nodes", ylabel="Median time [ms]", title="Cost against size")
-        axes.legend(fontsize=9, ncols=2)
+        axes.legend(fontsize=9, **BESIDE)
     return figure
 
 
@@ -114,7 +118,7 @@ def depth_figure(timings: Sequence[Row]) -> Figure:
         axes.set(
             xlabel="Indentation depth [mm]", ylabel="Median time [ms]", title=f"Time against depth, mesh “{nearest}”",
         )
-        axes.legend(fontsize=9, ncols=2)
+        axes.legend(fontsize=9, **BESIDE)
     return figure
 
 

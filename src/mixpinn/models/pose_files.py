@@ -8,8 +8,9 @@ import torch
 
 from mixpinn.base.errors import InputError
 from mixpinn.models.hybrid import POSE_FILE, HybridModel
-from mixpinn.models.pose_contact import PoseContactConfig, PriorContact, ProbeGeometry
+from mixpinn.models.pose_contact import PriorContact
 from mixpinn.models.pose_model import PoseCorrection, PoseModel
+from mixpinn.models.pose_records import PoseContactConfig, ProbeGeometry
 from mixpinn.models.tensor_file import read_tensors, write_tensors
 
 _FORMAT = 1

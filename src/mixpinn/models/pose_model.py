@@ -22,13 +22,8 @@ import numpy as np
 
 from mixpinn.base.arrays import AnyArray, Float32Array, FloatArray
 from mixpinn.models.hybrid import HybridModel
-from mixpinn.models.pose_contact import (
-    ContactHistory,
-    ContactPrediction,
-    ContactSession,
-    PriorContact,
-    ProbeGeometry,
-)
+from mixpinn.models.pose_contact import ContactSession, PriorContact
+from mixpinn.models.pose_records import ContactHistory, ContactPrediction, ProbeGeometry
 from mixpinn.models.row_products import combine_rows, rows_times
 
 

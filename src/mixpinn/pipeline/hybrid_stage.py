@@ -9,10 +9,11 @@ from mixpinn.dataset import SimulationStore, Split
 from mixpinn.fem import ContactConfig
 from mixpinn.models import MESH_FILE
 from mixpinn.models.hybrid import HYBRID_FILE, HybridModel
-from mixpinn.models.pose_contact import PoseContactConfig, PriorContact, ProbeGeometry
+from mixpinn.models.pose_contact import PriorContact
 from mixpinn.models.pose_files import save_pose_model
 from mixpinn.models.pose_fit import collect, fit_pose
 from mixpinn.models.pose_model import PoseModel
+from mixpinn.models.pose_records import PoseContactConfig, ProbeGeometry
 from mixpinn.models.prior import ElasticPrior
 from mixpinn.pipeline.evaluation_stage import build_prior
 from mixpinn.pipeline.simulation_stage import SimulationConfig, TissueConfig, mesh_materials

@@ -18,8 +18,8 @@ from mixpinn.records import Prediction, TissueMesh
 from mixpinn.serving.predictor import checked_field, contact_field
 
 if TYPE_CHECKING:
-    from mixpinn.models.pose_contact import ContactHistory
     from mixpinn.models.pose_model import PoseModel, PosePrediction
+    from mixpinn.models.pose_records import ContactHistory
 
 
 @dataclass(frozen=True, eq=False)
