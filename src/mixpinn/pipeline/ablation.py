@@ -17,7 +17,6 @@ from mixpinn.base.progress import console
 from mixpinn.base.rundir import RECORD, finish_run, start_run
 from mixpinn.dataset import SimulationStore, Split
 from mixpinn.evaluation import ZeroModel
-from mixpinn.graph import part_diameters
 from mixpinn.mesh import make_mesh
 from mixpinn.pipeline.ablation_config import AblationConfig
 from mixpinn.pipeline.ablation_jobs import SAMPLES, evaluate_once, evaluation_path, plan_jobs, test_set_names
@@ -87,7 +86,7 @@ def run_ablation(
     _baselines(made, mesh, table, out)
     failed = run_jobs(jobs, out, workers=workers, threads=threads, scheduler=scheduler, devices=devices)
     finished = [job for job in jobs if job.name not in failed]
-    report = write_ablation_report(out, finished, config, diameters=part_diameters(mesh), nodes=mesh.n_points)
+    report = write_ablation_report(out, finished, config, mesh)
     if failed:
         name, message = next(iter(failed.items()))
         raise MixpinnError(f"{len(failed)} of {len(jobs)} runs failed, the first {name}: {message}")
@@ -115,7 +114,7 @@ def write_finished(out: Path, config: AblationConfig) -> Path:
     mesh = TissueMesh.load(out / SAMPLES / "mesh.vtu")
     finished = [job for job in jobs if is_done(out, job)]
     console.print(f"{len(finished)} of {len(jobs)} runs are finished")
-    return write_ablation_report(out, finished, config, diameters=part_diameters(mesh), nodes=mesh.n_points)
+    return write_ablation_report(out, finished, config, mesh)
 
 
 def _settings(config: AblationConfig) -> dict[str, Any]:

@@ -104,8 +104,8 @@ PAPER_ABLATION_RUN = AblationConfig(simulation=SimulationConfig(tissue=PAPER_TIS
 """The paper's experiments at full size: its poses, its widths as its authors used them, its optimizer."""
 
 DESK_ABLATION_RUN = AblationConfig(
-    # Coarser than the paper's by a sixth of the nodes only: on meshes coarser still, eight layers reach nearly every node
-    # of the vertebrae through the soft tissue, and nothing is left that virtual nodes could bring.
+    # Coarser than the paper's by a sixth of the nodes only: on coarser meshes still, eight layers reach nearly every
+    # node of the vertebrae through the soft tissue, and nothing is left that virtual nodes could bring.
     mesh=MeshConfig(size=1.1),
     simulation=SimulationConfig(
         tissue=PAPER_TISSUE_CONFIG,

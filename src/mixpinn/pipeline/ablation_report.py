@@ -20,11 +20,12 @@ from mixpinn.evaluation.ablation_tables import (
     paper_table,
     test_set_table,
 )
+from mixpinn.graph import part_diameters, rigid_reach
 from mixpinn.models import read_description
 from mixpinn.pipeline.ablation_config import AblationConfig
-from mixpinn.pipeline.ablation_jobs import MODELS_FOLDER, AblationJob, evaluation_path, test_set_names
+from mixpinn.pipeline.ablation_jobs import MODELS_FOLDER, SAMPLES, AblationJob, evaluation_path, test_set_names
 from mixpinn.pipeline.ablation_sets import TestSet, load_sets
-from mixpinn.records import Evaluation
+from mixpinn.records import Evaluation, SampleTable, TissueMesh
 
 RESULTS = "results"
 SHOWN_ROWS = ("no-motion", "elastic-prior", "physgnn", "row-1", "row-10", "row-11")
@@ -73,7 +74,7 @@ def make_tables(
 
 
 def write_ablation_report(
-    folder: Path, jobs: Sequence[AblationJob], config: AblationConfig, *, diameters: Mapping[str, int], nodes: int,
+    folder: Path, jobs: Sequence[AblationJob], config: AblationConfig, mesh: TissueMesh,
 ) -> Path:
     """Write ``results.json``, ``results.csv``, ``results.md`` and the pictures of the finished runs.
 
@@ -81,8 +82,7 @@ def write_ablation_report(
         folder: of the table.
         jobs: the runs.
         config: of the table.
-        diameters: edges between the two farthest nodes of each rigid part.
-        nodes: of the mesh.
+        mesh: of the samples.
 
     Returns:
         Path of ``results.md``.
@@ -90,7 +90,11 @@ def write_ablation_report(
     sets, runs = load_sets(folder), load_runs(folder, jobs)
     split = Split.load(folder / "split.json")
     counts = read_json(folder / "samples" / "counts.json")
-    protocol = protocol_line(config, diameters=diameters, nodes=nodes, split=split, counts=counts)
+    diameters = part_diameters(mesh)
+    reach = rigid_reach(mesh, SampleTable.load(folder / SAMPLES / "test"), config.layers)
+    protocol = protocol_line(
+        config, diameters=diameters, reach=reach, nodes=mesh.n_points, split=split, counts=counts,
+    )
     tables = make_tables(runs, sets, config, train_positions=len(split.train))
     names = [entry.name for entry in sets]
     pictures = {}
@@ -102,7 +106,7 @@ def write_ablation_report(
         for name, figure in pictures.items():
             save_figure(figure, folder / name)
     write_json(folder / f"{RESULTS}.json", {
-        "protocol": protocol, "diameters": dict(diameters), "nodes": nodes, "counts": counts,
+        "protocol": protocol, "diameters": diameters, "reach": reach, "nodes": mesh.n_points, "counts": counts,
         "positions": {name: len(part) for name, part in split.parts.items()},
         "test_sets": [asdict(entry) for entry in sets],
         "runs": [_plain(run) for run in runs],
@@ -122,7 +126,8 @@ def write_ablation_report(
 
 
 def protocol_line(
-    config: AblationConfig, *, diameters: Mapping[str, int], nodes: int, split: Split, counts: Mapping[str, int],
+    config: AblationConfig, *, diameters: Mapping[str, int], reach: float, nodes: int, split: Split,
+    counts: Mapping[str, int],
 ) -> str:
     """What a reader must know beside every figure, in a few sentences."""
     across = ", ".join(f"{name.removeprefix('vertebrae_')} {hops}" for name, hops in diameters.items())
@@ -133,15 +138,18 @@ def protocol_line(
         "improvement"
     )
     train = config.train
+    repeated = ", ".join(row for row in config.repeated if row in config.rows)
+    every, first = ", ".join(map(str, config.seeds)), config.seeds[0]
+    seeds = f"Seeds {every} for {repeated}; {first} for the others." if repeated else f"Seed {first} for all."
     return (
-        f"Mesh of {nodes:,} nodes; edges from one end of a rigid part to the other: {across}. Positions "
-        f"{parts} (train / validation / test); {counts['train']:,} training and {counts['validation']:,} validation "
+        f"Mesh of {nodes:,} nodes; edges from one end of a rigid part to the other: {across}; {100.0 * reach:.0f} % of "
+        f"the rigid nodes lie within {config.layers} edges of a contact node. Positions {parts} (train / validation / "
+        f"test); {counts['train']:,} training and {counts['validation']:,} validation "
         f"samples. {config.layers} layers of width {config.hidden} a head (PhysGNN {config.physgnn_hidden}), "
         f"scaling “{config.scaling.value}”, "
         f"AdamW, learning rate {train.learning_rate:g}, batch {train.batch_size} (PhysGNN "
-        f"{config.physgnn_learning_rate:g}, {config.physgnn_batch_size}), {budget}. Seeds: "
-        f"{', '.join(map(str, config.seeds))} for {', '.join(row for row in config.repeated if row in config.rows)}; "
-        f"{config.seeds[0]} for the others. Contact nodes: {config.split.contact}."
+        f"{config.physgnn_learning_rate:g}, {config.physgnn_batch_size}), {budget}. {seeds} "
+        f"Contact nodes: {config.split.contact}."
     )
 
 
