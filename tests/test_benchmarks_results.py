@@ -57,7 +57,7 @@ def test_sections_without_figures_are_left_out(sections, words, tmp_path):
 
 def test_readme_is_changed_between_its_markers_alone(tmp_path):
     (tmp_path / "README.md").write_text(README)
-    results.fill_readme(tmp_path / "README.md", {"demo": "new"})
+    results.fill_readme(tmp_path / "README.md", {"demo": "new", "without a marker": "lost"})
     assert (tmp_path / "README.md").read_text() == README.replace("old", "new")
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from benchmarks.results.experiments import EXPERIMENTS
 from benchmarks.results.full_scale import FULL_SCALE
 from benchmarks.results.hybrid import HYBRID
+from benchmarks.results.hybrid import short as hybrid_short
 from benchmarks.results.pipeline_run import DEMO, PATIENT1, short
 from benchmarks.results.profile import PROFILE
 from benchmarks.results.protocol import PROTOCOL
@@ -28,6 +29,8 @@ def fill_readme(path: Path, sections: dict[str, str]) -> None:
     text = path.read_text()
     for name, section in sections.items():
         begin, end = f"<!-- figures: {name} -->", f"<!-- end: {name} -->"
+        if begin not in text or end not in text:
+            continue
         before, _, rest = text.partition(begin)
         _, _, after = rest.partition(end)
         text = f"{before}{begin}\n{section}\n{end}{after}"
@@ -69,9 +72,11 @@ def main(arguments: list[str] | None = None) -> None:
             store(folder, section, given, images)
     write_text(options.out, page(folder))
     runs = {section.name: (stored(folder, section), f"make {section.name}") for section in (DEMO, PATIENT1)}
-    fill_readme(options.readme, {
-        name: short(data, command=command) for name, (data, command) in runs.items() if data is not None
-    })
+    figures = {name: short(data, command=command) for name, (data, command) in runs.items() if data is not None}
+    hybrid = stored(folder, HYBRID)
+    if hybrid is not None:
+        figures[HYBRID.name] = hybrid_short(hybrid)
+    fill_readme(options.readme, figures)
     print(options.out)
 
 

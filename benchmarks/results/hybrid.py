@@ -103,6 +103,21 @@ def render(data: Data) -> str:
     return "\n".join(lines)
 
 
+def short(data: Data) -> str:
+    """The README's few figures of the hybrid model."""
+    bars, cores = data["bars"], data["machine"].rpartition(", ")[2]
+    shown = ("No motion", "Elastic prior", "Prior + quadratic ridge", "Hybrid")
+    rows = [row for row in data["variants"] if row["model"] in shown]
+    paper = {"model": "*MIXPINN, the paper's own samples*", **PAPER_MIXPINN}
+    return "\n".join([
+        f"{bars['samples']:,} samples at 13 positions that no model has seen, contact displacement in, all "
+        f"{bars['nodes']:,} displacements out; the hybrid model takes {bars['latency_ms_p50']:.1f} ms a prediction "
+        f"(median, {cores}), and {bars['pose_latency_ms_p50']:.1f} ms from the probe's pose alone (MEE "
+        f"{bars['pose_mee']:.3f} mm):\n",
+        _errors([*rows, paper]),
+    ]).rstrip()
+
+
 def _bars(bars: Mapping[str, Any]) -> list[str]:
     rows = [
         ("MEE [mm]", "mee", "≤ 0.015"), ("Rigid MEE [mm]", "rigid_mee", "≤ 0.015"),
