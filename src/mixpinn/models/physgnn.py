@@ -33,19 +33,20 @@ class PhysGNNNetwork(nn.Module):
 
     def forward(self, x: Tensor, edge_index: Tensor, edge_length: Tensor) -> Tensor:
         """Node features, shape (B, N, F), edges, shape (2, E), lengths [mm], shape (E,) → shape (B, N, 3)."""
-        batch, n_nodes, _ = x.shape
-        # A batch is B disjoint copies of the shared topology.
-        shift = n_nodes * torch.arange(batch, device=x.device).repeat_interleave(edge_index.shape[1])
-        edges, weight = edge_index.repeat(1, batch) + shift, (1.0 / edge_length).repeat(batch)
-        x = x.flatten(0, 1)
-        states = []
-        for convolution, activation in zip(self.graph_convolutions, self.activations[:3], strict=True):
-            x = activation(convolution(x, edges, weight))
-            states.append(x)
-        x = self.dropout(self.first_jump(states))
-        states = []
-        for convolution, activation in zip(self.sage_convolutions, self.activations[3:], strict=True):
-            x = activation(convolution(x, edges))
-            states.append(x)
-        x = self.dropout(self.second_jump(states))
-        return self.head(x).view(batch, n_nodes, 3)
+        n_nodes = x.shape[1]
+        # On a CPU one sample after another: what a layer leaves is then still in the cache when the next one reads it.
+        size = 1 if x.device.type == "cpu" else len(x)
+        shift = n_nodes * torch.arange(size, device=x.device).repeat_interleave(edge_index.shape[1])
+        edges, weight = edge_index.repeat(1, size) + shift, (1.0 / edge_length).repeat(size)
+        for convolutions, activations, jump, arguments in (
+            (self.graph_convolutions, self.activations[:3], self.first_jump, (edges, weight)),
+            (self.sage_convolutions, self.activations[3:], self.second_jump, (edges,)),
+        ):
+            parts = []
+            for part in torch.split(x, size):
+                states = [part.flatten(0, 1)]
+                for convolution, activation in zip(convolutions, activations, strict=True):
+                    states.append(activation(convolution(states[-1], *arguments)))
+                parts.append(jump(states[1:]).view(len(part), n_nodes, -1))
+            x = self.dropout(torch.cat(parts))
+        return self.head(x)
