@@ -113,7 +113,8 @@ def render(data: Data) -> str:
         f"positions to learn from, of which 9 validate; {data['samples']} samples at {data['positions']} test "
         "positions.\n",
         table(data["columns"], rows),
-        *_ratio(data), "The networks were given the same number of epochs, a small part of the paper's budget, and learn from about "
+        *_ratio(data),
+        "The networks were given the same number of epochs, a small part of the paper's budget, and learn from about "
         "half of its positions; the paper's rows are of other samples and count virtual nodes and edges (below, "
         "ours *as published* do so too). The ridge regression is that of `python -m benchmarks.hybrid_study`, on the "
         "same test samples.\n",
