@@ -3,8 +3,7 @@
 import torch
 
 _SHAPES = ((500, 16, 6), (64, 64, 64), (4096, 256, 256))
-"""Rows, inner length and columns of products small enough to cost nothing, and of each size for which the matrix
-library has its own kernels."""
+"""Rows, inner length and columns: thin, small and large products, since a library has kernels for each kind."""
 
 
 def settle_arithmetic() -> None:
