@@ -6,13 +6,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from benchmarks.results.section import Data, Section, table
-from mixpinn.base.files import atomic_path, read_json
-from mixpinn.evaluation import PAPER_RESULTS, depth_table, results_table, spread_table
+from mixpinn.base.files import read_json
+from mixpinn.evaluation import PAPER_RESULTS, depth_table, loss_curves, results_table, save_figure, spread_table
 from mixpinn.records import Evaluation
 from mixpinn.training import read_history
+from mixpinn.training.history import HISTORY_FILE
 
 RESULTS = Path(__file__).parents[2] / "docs" / "results"
 PICTURE = "full-scale-loss.png"
@@ -28,8 +28,7 @@ def collect(entries: Sequence[str], images: Path) -> Data:
     """The run directory of ``mixpinn evaluate``, and after it those of the trainings that it tested."""
     run, *trainings = (Path(entry) for entry in entries)
     evaluations = [Evaluation.load(path) for path in sorted(run.glob("evaluation-*.json"))]
-    histories = {folder.name: read_history(folder) for folder in trainings}
-    _draw(histories, images / PICTURE)
+    save_figure(loss_curves({folder.name: folder / HISTORY_FILE for folder in trainings}), images / PICTURE)
     compared = results_table(evaluations, with_paper=False)
     errors = [evaluation.metrics["mee"] for evaluation in evaluations]
     hybrid = read_json(RESULTS / "hybrid.json") if (RESULTS / "hybrid.json").exists() else {}
@@ -63,22 +62,6 @@ def _training(folder: Path) -> dict[str, Any]:
         "train_loss": best.train_loss, "minutes": sum(record.seconds for record in history) / 60.0,
         "learning_rate": train["learning_rate"], "batch_size": train["batch_size"],
     }
-
-
-def _draw(histories: dict[str, Any], path: Path) -> None:
-    figure = Figure(figsize=(6.0, 3.6), layout="constrained")
-    axes = figure.subplots()
-    for index, (name, history) in enumerate(histories.items()):
-        epochs = [record.epoch for record in history]
-        for attribute, style, what in (("train_loss", "--", "training"), ("validation_loss", "o-", "validation")):
-            axes.plot(
-                epochs, [getattr(record, attribute) for record in history], style, color=f"C{index}",
-                label=f"{name}, {what}",
-            )
-    axes.set(xlabel="epoch", ylabel="loss [mm]", ylim=(0.0, None))
-    axes.legend(frameon=False)
-    with atomic_path(path) as temporary:
-        figure.savefig(temporary, dpi=150, format="png")
 
 
 def render(data: Data) -> str:
