@@ -35,7 +35,7 @@ test: $(STAMP) ## The test suite
 	$(BIN)/python -m pytest -n 2 --dist loadfile
 
 check: $(STAMP) ## Linter, types, layers, tests
-	$(BIN)/ruff check src tests benchmarks
+	$(BIN)/ruff check src tests benchmarks validation
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(MAKE) test

@@ -24,7 +24,8 @@ if __name__ == "__main__":
 import numpy as np  # noqa: E402
 from scipy.spatial.transform import Rotation  # noqa: E402
 
-from mixpinn.fem import PoseSimulator, Scene, SolverConfig, linear_probe  # noqa: E402
+from mixpinn.fem import PoseSimulator, Scene, SolverConfig  # noqa: E402
+from mixpinn.geometry.probe_shapes import linear_probe  # noqa: E402
 from mixpinn.mesh import load_paper_mesh  # noqa: E402
 from mixpinn.records import Probe, ProbePath, Simulation, TissueMesh  # noqa: E402
 

@@ -26,7 +26,7 @@ from torch import Tensor, nn
 from torch_geometric.nn import GATConv
 
 from mixpinn.graph import node_input
-from mixpinn.models import MIXPINN, DisplacementModel, GATNetwork, build_graph_for, build_model, mean_euclidean_error
+from mixpinn.networks import MIXPINN, DisplacementModel, GATNetwork, build_graph_for, build_model, mean_euclidean_error
 from mixpinn.records import TissueMesh
 
 NAMES = ("L1", "L2", "L3", "L4", "L5")

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from mixpinn.models.pose_model import PoseModel
+    from mixpinn.press.model import PoseModel
     from mixpinn.records import SampleTable
 
 _parser = argparse.ArgumentParser(prog="python -m benchmarks.hybrid", description=__doc__)

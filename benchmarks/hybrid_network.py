@@ -18,11 +18,12 @@ from benchmarks.hybrid_study import Study, measure
 from mixpinn.base.arrays import AnyArray, Float32Array
 from mixpinn.base.files import write_json
 from mixpinn.graph import Scaling
-from mixpinn.models import MIXPINN
-from mixpinn.models.prior import ElasticPrior
+from mixpinn.networks import MIXPINN
 from mixpinn.records import SampleTable
+from mixpinn.reduced.prior import ElasticPrior
 from mixpinn.serving import Predictor
-from mixpinn.training import TrainConfig, train_stage
+from mixpinn.stages.network_training import train_stage
+from mixpinn.training import TrainConfig
 
 
 @dataclass(frozen=True, eq=False)

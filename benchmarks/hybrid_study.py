@@ -22,14 +22,14 @@ from mixpinn.base.files import read_json, write_json
 from mixpinn.dataset import SimulationStore, Split, build_sample_table, deeper_than, rotation_is
 from mixpinn.evaluation import ZeroModel, evaluate
 from mixpinn.fem import PAPER_TISSUE
-from mixpinn.models.equilibrium import Equilibrium
-from mixpinn.models.error_estimate import ErrorEstimate
-from mixpinn.models.hybrid import HybridModel
-from mixpinn.models.newton_steps import NewtonSteps
-from mixpinn.models.prior import ElasticPrior, probed_nodes
-from mixpinn.pipeline import SplitConfig, load_samples
 from mixpinn.records import Evaluation, SampleTable, TissueMesh
-from mixpinn.training.hybrid import HybridConfig, PreparedSamples, error_signs, fit_correction, prepare_samples
+from mixpinn.reduced.equilibrium import Equilibrium
+from mixpinn.reduced.error_estimate import ErrorEstimate
+from mixpinn.reduced.fit import HybridConfig, PreparedSamples, error_signs, fit_correction, prepare_samples
+from mixpinn.reduced.hybrid import HybridModel
+from mixpinn.reduced.newton_steps import NewtonSteps
+from mixpinn.reduced.prior import ElasticPrior, probed_nodes
+from mixpinn.stages.training import SplitConfig, load_samples
 
 MATERIALS = [PAPER_TISSUE]
 RIDGE_ONLY = HybridConfig(newton=False, coordinates=16)

@@ -18,15 +18,15 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from mixpinn.dataset import SimulationStore, Split, build_sample_table
-from mixpinn.models.coordinates import ReducedCoordinates
-from mixpinn.models.hybrid import HybridModel
-from mixpinn.models.modes import coefficients, principal_modes
-from mixpinn.models.pose_contact import PriorContact
-from mixpinn.models.pose_files import load_pose_model, save_pose_model
-from mixpinn.models.pose_fit import collect, fit_pose, ridge
-from mixpinn.models.pose_model import PoseModel
-from mixpinn.models.pose_records import PoseContactConfig, ProbeGeometry
+from mixpinn.press.contact import PriorContact
+from mixpinn.press.files import load_pose_model, save_pose_model
+from mixpinn.press.fit import collect, fit_pose, ridge
+from mixpinn.press.model import PoseModel
+from mixpinn.press.records import PoseContactConfig, ProbeGeometry
 from mixpinn.records import Probe, SampleTable
+from mixpinn.reduced.coordinates import ReducedCoordinates
+from mixpinn.reduced.hybrid import HybridModel
+from mixpinn.reduced.modes import coefficients, principal_modes
 
 Answer = Callable[[int], tuple[np.ndarray, np.ndarray]]
 """Sample → unknowns (D,) and force on the probe [N] (3,)."""

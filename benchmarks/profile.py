@@ -12,10 +12,11 @@ import os
 from dataclasses import asdict, replace
 from pathlib import Path
 
-from mixpinn.anatomy import AnatomyConfig, make_anatomy
-from mixpinn.mesh import MeshConfig, load_paper_mesh, make_mesh
-from mixpinn.pipeline import ProfileConfig, run_profile
+from mixpinn.mesh import load_paper_mesh
 from mixpinn.records import TissueMesh
+from mixpinn.stages.anatomy import AnatomyConfig, make_anatomy
+from mixpinn.stages.mesh import MeshConfig, make_mesh
+from mixpinn.studies.profile import ProfileConfig, run_profile
 
 ROOT = Path(__file__).parents[1]
 

@@ -3,19 +3,19 @@ import json
 import numpy as np
 import pytest
 
-from benchmarks.validation import __main__ as command
-from benchmarks.validation.blocks import block, surface_nodes
-from benchmarks.validation.closed_form import uniaxial_closed_form
-from benchmarks.validation.hertz import exact_force, exact_radius, graded
-from benchmarks.validation.linear_elasticity import newton_orders
-from benchmarks.validation.material import MATERIALS, difference_error
-from benchmarks.validation.newton import equilibrium
-from benchmarks.validation.page import section_text, split_page, stored_results, write_page
-from benchmarks.validation.probe_side import nearest_places
-from benchmarks.validation.protocol import inverted_rows, inverted_text
-from benchmarks.validation.result import Result, Section
 from mixpinn.dataset import InvertedCell
 from mixpinn.fem import ElasticSystem, LinearElastic
+from validation import __main__ as command
+from validation.blocks import block, surface_nodes
+from validation.closed_form import uniaxial_closed_form
+from validation.hertz import exact_force, exact_radius, graded
+from validation.linear_elasticity import newton_orders
+from validation.material import MATERIALS, difference_error
+from validation.newton import equilibrium
+from validation.page import section_text, split_page, stored_results, write_page
+from validation.probe_side import nearest_places
+from validation.protocol import inverted_rows, inverted_text
+from validation.result import Result, Section
 
 
 def test_block_fills_its_box_with_positive_cells():

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from benchmarks.results.section import Data, Section
 from mixpinn.base.files import atomic_path, read_json
-from mixpinn.evaluation.profile_tables import exponent_table, profile_table
+from mixpinn.studies.profile_tables import exponent_table, profile_table
 
 PICTURES = ("cost.png", "depth.png")
 

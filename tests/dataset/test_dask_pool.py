@@ -1,6 +1,6 @@
 import pytest
-from dataset_fakes import FakeScene, block, fake_runner, short_store
 
+from dataset.dataset_fakes import FakeScene, block, fake_runner, short_store
 from mixpinn.base.errors import InputError
 from mixpinn.dataset import generate
 

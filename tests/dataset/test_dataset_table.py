@@ -1,6 +1,6 @@
 import numpy as np
-from dataset_fakes import FakeScene, block, filled_store
 
+from dataset.dataset_fakes import FakeScene, block, filled_store
 from mixpinn.dataset import DatasetTable, Split, build_sample_table, dataset_table
 
 

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from dataset_fakes import SHORT, FakeScene, block, fake_runner, short_store
 
+from dataset.dataset_fakes import SHORT, FakeScene, block, fake_runner, short_store
 from mixpinn.base.errors import InputError
 from mixpinn.dataset import GenerationSummary, Pose, PoseState, SimulationStore, generate, scene_identity
 from mixpinn.dataset.local_pool import THREAD_VARIABLES, pinned_threads

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
-from dataset_fakes import block, fake_simulation
 
+from dataset.dataset_fakes import block, fake_simulation
 from mixpinn.base.errors import InputError
 from mixpinn.dataset import (
     HOLD_OUTS,

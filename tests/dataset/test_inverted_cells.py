@@ -3,8 +3,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from dataset_fakes import SHORT, FakeScene, block, fake_simulation, short_store
 
+from dataset.dataset_fakes import SHORT, FakeScene, block, fake_simulation, short_store
 from mixpinn.dataset import GenerationSummary, inverted_cells, summarize
 from mixpinn.records import ProbePath
 

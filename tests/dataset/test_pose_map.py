@@ -1,6 +1,6 @@
 import pyvista as pv
-from dataset_fakes import FakeScene, block, filled_store
 
+from dataset.dataset_fakes import FakeScene, block, filled_store
 from mixpinn.dataset import draw_pose_map, save_pose_map
 from mixpinn.dataset.pose_map import pose_colour_key
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
-from dataset_fakes import block, plate
 
+from dataset.dataset_fakes import block, plate
 from mixpinn.base.errors import InputError
 from mixpinn.dataset import Protocol, first_touch, grid_positions, plan_poses, thin_positions
 from mixpinn.mesh import import_vtu

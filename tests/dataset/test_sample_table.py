@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
-from dataset_fakes import FakeScene, block, fake_runner, fake_simulation, filled_store, short_store
 
+from dataset.dataset_fakes import FakeScene, block, fake_runner, fake_simulation, filled_store, short_store
 from mixpinn.base.errors import InputError
 from mixpinn.dataset import build_sample_table, run_pose, table_of
 

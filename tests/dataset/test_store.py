@@ -3,8 +3,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from dataset_fakes import SHORT, FakeScene, block, fake_simulation, filled_store, short_store
 
+from dataset.dataset_fakes import SHORT, FakeScene, block, fake_simulation, filled_store, short_store
 from mixpinn.base.errors import InputError
 from mixpinn.dataset import PoseState, SimulationStore, build_sample_table, list_poses, probe_path
 

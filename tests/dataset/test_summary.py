@@ -1,6 +1,6 @@
 import pytest
-from dataset_fakes import FakeScene, block, filled_store, short_store
 
+from dataset.dataset_fakes import FakeScene, block, filled_store, short_store
 from mixpinn.dataset import GenerationSummary, summarize
 
 

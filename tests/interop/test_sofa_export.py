@@ -4,8 +4,8 @@ import sys
 
 import numpy as np
 import pytest
-import sofa_stub
 
+from interop import sofa_stub
 from mixpinn.base.errors import InputError
 from mixpinn.interop import SofaSettings, export_sofa_scene, read_sofa_recording
 from mixpinn.records import Probe, ProbePath, TissueMesh

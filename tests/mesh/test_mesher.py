@@ -7,7 +7,6 @@ from mixpinn.base.errors import InputError
 from mixpinn.mesh import (
     CgalMesher,
     DomainSurfaces,
-    MeshConfig,
     Sizing,
     Surface,
     TetwildMesher,
@@ -15,13 +14,12 @@ from mixpinn.mesh import (
     extract_surfaces,
     has_cgal,
     label_mesh,
-    make_mesh,
-    make_mesher,
     mesh_quality,
 )
 from mixpinn.mesh.cgal_mesher import spread_points
 from mixpinn.mesh.mesher import tidy
 from mixpinn.mesh.tetwild_mesher import decimated
+from mixpinn.stages.mesh import MeshConfig, make_mesh, make_mesher
 
 from .shapes import ball_label_map
 

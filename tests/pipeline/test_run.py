@@ -3,9 +3,10 @@ import pytest
 from mixpinn.base.config import build_config
 from mixpinn.base.errors import InputError
 from mixpinn.base.files import read_json, write_json
-from mixpinn.mesh import DomainSurfaces, Surface, make_mesh
+from mixpinn.mesh import DomainSurfaces, Surface
 from mixpinn.pipeline import DEMO, RunConfig, run_pipeline
 from mixpinn.pipeline.run import TIMES, _Clock
+from mixpinn.stages.mesh import make_mesh
 
 from .chain import RUN
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 import torch
 
-from mixpinn.models import build_graph_for, build_model, save_checkpoint
+from mixpinn.networks import build_graph_for, build_model, save_checkpoint
 from mixpinn.records import SampleTable, TissueMesh
 from training.toy_block import TINY, block_mesh, block_table
 

@@ -6,11 +6,11 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from mixpinn.base.errors import InputError
 from mixpinn.fem import SuperLUSolver
-from mixpinn.models import MESH_FILE
-from mixpinn.models.prior import ElasticPrior
+from mixpinn.networks import MESH_FILE
+from mixpinn.reduced.fit import HybridConfig, fit_hybrid
+from mixpinn.reduced.prior import ElasticPrior
 from mixpinn.serving import HybridPredictor, load_predictor
-from mixpinn.training.hybrid import HybridConfig, fit_hybrid
-from models.pressed_block import TISSUE, pressed_table, top_nodes
+from reduced.pressed_block import TISSUE, pressed_table, top_nodes
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ import pytest
 import torch
 
 from mixpinn.base.errors import InputError
-from mixpinn.models import ModelConfig, build_graph_for, build_model, load_checkpoint
+from mixpinn.networks import ModelConfig, build_graph_for, build_model, load_checkpoint
 from mixpinn.records import Prediction, SampleTable, TissueMesh
 from mixpinn.serving import Predictor, contact_field
 
@@ -110,7 +110,7 @@ def test_virtual_topology_is_the_graphs(mesh: TissueMesh) -> None:
 
 def test_serving_imports_neither_trainer_nor_solver(folder: Path, tmp_path: Path) -> None:
     script = (
-        "import json, sys; from mixpinn.serving import predict_stage\n"
+        "import json, sys; from mixpinn.stages.prediction import predict_stage\n"
         "predict_stage(*sys.argv[1:])\n"
         "print(json.dumps(sorted(sys.modules)))"
     )
@@ -123,6 +123,6 @@ def test_serving_imports_neither_trainer_nor_solver(folder: Path, tmp_path: Path
     assert done.returncode == 0, done.stderr
     loaded = set(json.loads(done.stdout.strip().splitlines()[-1]))
     layers = {f"mixpinn.{name}" for name in ("training", "evaluation", "dataset", "fem", "mesh", "anatomy")}
-    assert "mixpinn.models" in loaded
+    assert "mixpinn.networks" in loaded
     assert not loaded & (layers | {"lightning", "ipctk", "pypardiso"})
     assert (tmp_path / "out.vtu").exists()

@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from mixpinn.graph import virtual_targets
-from mixpinn.models import build_graph_for, mean_euclidean_error
+from mixpinn.networks import build_graph_for, mean_euclidean_error
 from mixpinn.records import SampleTable, TissueMesh
 from mixpinn.training import batches, contact_fields
 from mixpinn.training.batches import epoch_order

@@ -4,7 +4,7 @@ import numpy as np
 import torch
 
 from mixpinn.graph import Scaling
-from mixpinn.models import ModelConfig, build_graph_for
+from mixpinn.networks import ModelConfig, build_graph_for
 from mixpinn.records import SampleTable, TissueMesh
 from mixpinn.training.objective import new_model, training_loss
 

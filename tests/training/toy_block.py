@@ -4,7 +4,7 @@ import itertools
 
 import numpy as np
 
-from mixpinn.models import ModelConfig
+from mixpinn.networks import ModelConfig
 from mixpinn.records import SampleTable, TissueMesh
 
 TINY = ModelConfig(layers=2, heads=2, hidden=8, virtual_nodes=True)

@@ -8,12 +8,11 @@ from mixpinn.anatomy.picture import draw_label_map
 from mixpinn.anatomy.read import read_folder, read_multilabel
 from mixpinn.anatomy.repair import repair
 from mixpinn.anatomy.segmentation import Segmentation, Structure
-from mixpinn.anatomy.stage import AnatomyConfig, AnatomyResult, make_anatomy
 from mixpinn.anatomy.vertebra import VertebraShape
 
 __all__ = [
-    "CROP_ABOVE", "CROP_BELOW", "TINY_PHANTOM", "TOTAL_CLASSES", "AnatomyConfig", "AnatomyResult", "Finding",
-    "PhantomConfig", "Segmentation", "Structure", "VertebraShape", "check", "crop", "draw_label_map", "make_anatomy",
+    "CROP_ABOVE", "CROP_BELOW", "TINY_PHANTOM", "TOTAL_CLASSES", "Finding",
+    "PhantomConfig", "Segmentation", "Structure", "VertebraShape", "check", "crop", "draw_label_map",
     "make_phantom", "phantom_segmentation", "place_in_frame", "read_folder", "read_multilabel", "read_names", "repair",
     "require_sound", "tiny_phantom",
 ]

@@ -47,8 +47,8 @@ def anatomy(
     overrides: Set = None,
 ) -> None:
     """Label maps → one checked label map in the world frame."""
-    from mixpinn.anatomy import AnatomyConfig, make_anatomy
-    from mixpinn.pipeline import findings_table
+    from mixpinn.stages.anatomy import AnatomyConfig, make_anatomy
+    from mixpinn.stages.setup_tables import findings_table
 
     kind = "phantom" if source == "phantom" else "folder" if Path(source).is_dir() else "multilabel"
     settings = build_config(AnatomyConfig, *settings_layers(
@@ -73,9 +73,9 @@ def mesh(
     overrides: Set = None,
 ) -> None:
     """Label map → labelled tetrahedral mesh with its statistics, quality and fidelity."""
-    from mixpinn.mesh import MeshConfig, make_mesh
-    from mixpinn.pipeline import fidelity_table, quality_table
     from mixpinn.records import LabelMap
+    from mixpinn.stages.mesh import MeshConfig, make_mesh
+    from mixpinn.stages.setup_tables import fidelity_table, quality_table
 
     settings = build_config(MeshConfig, *settings_layers(
         config, overrides, size=size, mesher=mesher, fixed=fixed and str(fixed),
@@ -102,7 +102,7 @@ def simulate(
     overrides: Set = None,
 ) -> None:
     """Press the probe over the grid of poses; finished poses are kept if the command is stopped."""
-    from mixpinn.pipeline import make_simulations
+    from mixpinn.stages.simulation import make_simulations
 
     settings = simulation_settings(
         config, overrides, protocol=protocol, probe=probe, positions=positions, paper_constants=paper_constants,
@@ -121,7 +121,7 @@ def dataset(
     """Positions, poses and samples of each part of the split."""
     from mixpinn.dataset import SimulationStore, dataset_table
     from mixpinn.evaluation import dataset_counts_table
-    from mixpinn.pipeline import SplitConfig, load_samples
+    from mixpinn.stages.training import SplitConfig, load_samples
 
     store = SimulationStore.open(simulations_folder(source))
     table, split = load_samples(store, SplitConfig(file=str(split_file) if split_file else None))

@@ -44,15 +44,8 @@ def train(
 ) -> None:
     """Train one model; an interrupted run goes on to the same loss curve."""
     from mixpinn.dataset import SimulationStore
-    from mixpinn.pipeline import (
-        HYBRID,
-        HybridStageConfig,
-        ModelsConfig,
-        SplitConfig,
-        load_samples,
-        make_hybrid,
-        train_model,
-    )
+    from mixpinn.stages.hybrid import HybridStageConfig, make_hybrid
+    from mixpinn.stages.training import HYBRID, ModelsConfig, SplitConfig, load_samples, train_model
 
     settings = build_config(
         ModelsConfig, {"names": [model]}, *settings_layers(config, None, width=width, scaling=scaling),
@@ -90,13 +83,8 @@ def evaluate(
 ) -> None:
     """Metrics on the test positions, pictures and the HTML report."""
     from mixpinn.dataset import SimulationStore
-    from mixpinn.pipeline import (
-        Background,
-        EvaluationConfig,
-        SplitConfig,
-        evaluate_models,
-        load_samples,
-    )
+    from mixpinn.stages.evaluation import Background, EvaluationConfig, evaluate_models
+    from mixpinn.stages.training import SplitConfig, load_samples
 
     store = SimulationStore.open(simulations_folder(source))
     simulation = made_with(store.folder, paper_constants)
@@ -127,7 +115,8 @@ def ablate(
     overrides: Set = None,
 ) -> None:
     """The paper's experiments: every row trained and tested, with hold-outs; goes on where it was stopped."""
-    from mixpinn.pipeline import ABLATION_RUNS, AblationConfig, run_ablation
+    from mixpinn.studies.ablation import run_ablation
+    from mixpinn.studies.ablation_config import ABLATION_RUNS, AblationConfig
 
     if protocol not in ABLATION_RUNS:
         raise InputError(
@@ -160,7 +149,7 @@ def profile(
     overrides: Set = None,
 ) -> None:
     """Run time of solver, prior and networks on each mesh: time, memory, growth; goes on where it was stopped."""
-    from mixpinn.pipeline import ProfileConfig, run_profile
+    from mixpinn.studies.profile import ProfileConfig, run_profile
 
     settings = build_config(ProfileConfig, *settings_layers(
         config, overrides, methods=models and tuple(models), hidden=width, threads=threads, repeats=repeats,
@@ -187,7 +176,8 @@ def predict(
     threads: Threads = None,
 ) -> None:
     """Contact displacement, or the probe's pose, → deformed mesh, for ParaView and 3D Slicer."""
-    from mixpinn.serving import ProbeAddress, SampleAddress, predict_stage
+    from mixpinn.serving import ProbeAddress, SampleAddress
+    from mixpinn.stages.prediction import predict_stage
 
     if sum(source is not None for source in (contacts, simulations, tip)) != 1:
         raise InputError(

@@ -10,8 +10,8 @@ from mixpinn.base.config import build_config, parse_overrides, read_config_file
 from mixpinn.base.errors import InputError
 
 if TYPE_CHECKING:
-    from mixpinn.pipeline import SimulationConfig
     from mixpinn.records import TissueMesh
+    from mixpinn.stages.simulation import SimulationConfig
 
 Protocol = Annotated[str | None, typer.Option(help="paper, anatomy, small, tiny or sofa-replay.")]
 ProbeFile = Annotated[Path | None, typer.Option(help="Probe surface (.stl), tip at the origin, pointing to −y.")]
@@ -62,7 +62,7 @@ def simulation_settings(
 ) -> "SimulationConfig":
     """Settings of the simulation from file and options."""
     from mixpinn.dataset import PROTOCOLS
-    from mixpinn.pipeline import PAPER_TISSUE_CONFIG, SimulationConfig
+    from mixpinn.stages.simulation import PAPER_TISSUE_CONFIG, SimulationConfig
 
     if protocol is not None and protocol not in PROTOCOLS:
         raise InputError(
@@ -78,7 +78,7 @@ def simulation_settings(
 def made_with(store: Path, paper_constants: bool) -> "SimulationConfig":
     """How the simulations of a store were made, which the elastic prior needs; recordings do not tell the tissue."""
     from mixpinn.base.files import read_json
-    from mixpinn.pipeline import PAPER_TISSUE_CONFIG, SimulationConfig
+    from mixpinn.stages.simulation import PAPER_TISSUE_CONFIG, SimulationConfig
 
     record = store.parent / "run.json"
     made = read_json(record) if record.exists() else {}

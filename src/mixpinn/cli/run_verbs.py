@@ -84,7 +84,7 @@ def export_sofa(
     overrides: Set = None,
 ) -> None:
     """The same set-up as a documented SofaPython3 scene with a recorder."""
-    from mixpinn.pipeline import export_sofa as write
+    from mixpinn.stages.sofa import export_sofa as write
 
     settings = simulation_settings(
         config, overrides, protocol=protocol, probe=probe, positions=positions, paper_constants=paper_constants,
@@ -100,7 +100,7 @@ def import_sofa(
     out: Out,
 ) -> None:
     """SOFA recordings → simulations that 'mixpinn train' and 'evaluate' read."""
-    from mixpinn.pipeline import import_sofa_recordings
+    from mixpinn.stages.sofa import import_sofa_recordings
 
     store = import_sofa_recordings(recordings, load_mesh(mesh_source), positions=positions, out=out)
     console.print(f"{len(store.poses)} poses in {out}")

@@ -31,14 +31,7 @@ from mixpinn.evaluation.plots import (
     loss_curves,
     save_figure,
 )
-from mixpinn.evaluation.rendering import (
-    Case,
-    Picture,
-    render_comparison,
-    render_cut,
-    render_error_map,
-    render_pictures,
-)
+from mixpinn.evaluation.rendering import Case, Picture, render_comparison, render_cut, render_error_map, render_pictures
 from mixpinn.evaluation.rendering_backend import RenderingUnavailable, start_rendering
 from mixpinn.evaluation.report import LIMITS, Headline, ReportContent, summarise_run, write_report
 from mixpinn.evaluation.statistics import (

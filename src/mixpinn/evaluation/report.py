@@ -13,13 +13,7 @@ from mixpinn.base.errors import InputError
 from mixpinn.base.files import write_json, write_text
 from mixpinn.evaluation.evaluate import ZeroModel
 from mixpinn.evaluation.metrics import AS_PUBLISHED
-from mixpinn.evaluation.plots import (
-    error_against_depth,
-    error_by_part,
-    error_distribution,
-    figure_png,
-    loss_curves,
-)
+from mixpinn.evaluation.plots import error_against_depth, error_by_part, error_distribution, figure_png, loss_curves
 from mixpinn.evaluation.rendering import Picture
 from mixpinn.evaluation.statistics import depth_profile, summarise, summarise_metrics, summarise_parts
 from mixpinn.evaluation.table import Table

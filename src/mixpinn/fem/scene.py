@@ -6,11 +6,12 @@ import numpy as np
 
 from mixpinn.base.errors import InputError
 from mixpinn.base.files import hash_arrays
-from mixpinn.fem.contact import ContactConfig, ContactModel
-from mixpinn.fem.contact_surface import ProbeSurface, SkinSurface
-from mixpinn.fem.material import PAPER_TISSUE, Material
-from mixpinn.fem.solve import SolverConfig
-from mixpinn.fem.system import ElasticSystem
+from mixpinn.fem.contact.model import ContactConfig, ContactModel
+from mixpinn.fem.contact.surfaces import SkinSurface
+from mixpinn.fem.elements.system import ElasticSystem
+from mixpinn.fem.material.hyperelastic import PAPER_TISSUE, Material
+from mixpinn.fem.solve.quasi_static import SolverConfig
+from mixpinn.geometry.probe_surface import ProbeSurface
 from mixpinn.records import Probe, TissueMesh
 
 

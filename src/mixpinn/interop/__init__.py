@@ -1,9 +1,8 @@
 """Scenes out to, and recordings in from, other simulators."""
 
-from mixpinn.interop.rigid_fit import fit_rotation
 from mixpinn.interop.sofa_export import SofaSettings, export_sofa_scene
 from mixpinn.interop.sofa_import import import_sofa, read_sofa_recording, read_sofa_static
 
 __all__ = [
-    "SofaSettings", "export_sofa_scene", "fit_rotation", "import_sofa", "read_sofa_recording", "read_sofa_static",
+    "SofaSettings", "export_sofa_scene", "import_sofa", "read_sofa_recording", "read_sofa_static",
 ]

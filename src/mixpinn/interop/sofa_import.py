@@ -9,7 +9,7 @@ import numpy as np
 from mixpinn.base.arrays import AnyArray, FloatArray, IntArray
 from mixpinn.base.errors import InputError
 from mixpinn.base.progress import track
-from mixpinn.interop.rigid_fit import fit_rotation
+from mixpinn.geometry.rigid_fit import fit_rotation
 from mixpinn.records import ProbePath, Simulation, TissueMesh
 
 MICROMETRE = 1e-3

@@ -2,11 +2,11 @@
 
 from dataclasses import dataclass, field
 
-from mixpinn.anatomy import AnatomyConfig
-from mixpinn.mesh import MeshConfig
-from mixpinn.pipeline.evaluation_stage import EvaluationConfig
-from mixpinn.pipeline.simulation_stage import SimulationConfig
-from mixpinn.pipeline.training_stage import ModelsConfig, SplitConfig
+from mixpinn.stages.anatomy import AnatomyConfig
+from mixpinn.stages.evaluation import EvaluationConfig
+from mixpinn.stages.mesh import MeshConfig
+from mixpinn.stages.simulation import SimulationConfig
+from mixpinn.stages.training import ModelsConfig, SplitConfig
 
 
 @dataclass(frozen=True)

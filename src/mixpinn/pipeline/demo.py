@@ -2,13 +2,13 @@
 
 from dataclasses import replace
 
-from mixpinn.anatomy import AnatomyConfig
 from mixpinn.dataset import SMALL
 from mixpinn.graph import Scaling
-from mixpinn.mesh import MeshConfig
 from mixpinn.pipeline.config import RunConfig
-from mixpinn.pipeline.simulation_stage import SimulationConfig
-from mixpinn.pipeline.training_stage import ModelsConfig
+from mixpinn.stages.anatomy import AnatomyConfig
+from mixpinn.stages.mesh import MeshConfig
+from mixpinn.stages.simulation import SimulationConfig
+from mixpinn.stages.training import ModelsConfig
 from mixpinn.training import TrainConfig
 
 DEMO = RunConfig(

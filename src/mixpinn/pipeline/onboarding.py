@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from mixpinn.anatomy import AnatomyConfig, make_anatomy
 from mixpinn.base.errors import InputError
 from mixpinn.base.files import read_json, write_json, write_text
 from mixpinn.base.progress import console
@@ -17,22 +16,18 @@ from mixpinn.dataset import SimulationStore, Split, build_sample_table, farthest
 from mixpinn.evaluation import evaluate
 from mixpinn.evaluation.onboarding_report import draw_rounds, rounds_report
 from mixpinn.fem import Scene
-from mixpinn.mesh import MeshConfig, make_mesh
-from mixpinn.models.equilibrium import Equilibrium
-from mixpinn.models.hybrid import HybridModel
-from mixpinn.models.pose_files import save_pose_model
-from mixpinn.models.pose_model import PoseModel
-from mixpinn.models.prior import ElasticPrior
-from mixpinn.pipeline.evaluation_stage import Background, EvaluationConfig, evaluate_models
-from mixpinn.pipeline.hybrid_stage import (
-    SPLIT_FILE,
-    fit_pose_model,
-    plain_pose_model,
-    save_bundle,
-)
-from mixpinn.pipeline.simulation_stage import SimulationConfig, begin_simulations, make_scene, mesh_materials
+from mixpinn.press.files import save_pose_model
+from mixpinn.press.model import PoseModel
 from mixpinn.records import SampleTable, TissueMesh
-from mixpinn.training.hybrid import HybridConfig, fit_hybrid
+from mixpinn.reduced.equilibrium import Equilibrium
+from mixpinn.reduced.fit import HybridConfig, fit_hybrid
+from mixpinn.reduced.hybrid import HybridModel
+from mixpinn.reduced.prior import ElasticPrior
+from mixpinn.stages.anatomy import AnatomyConfig, make_anatomy
+from mixpinn.stages.evaluation import Background, EvaluationConfig, evaluate_models
+from mixpinn.stages.hybrid import SPLIT_FILE, fit_pose_model, plain_pose_model, save_bundle
+from mixpinn.stages.mesh import MeshConfig, make_mesh
+from mixpinn.stages.simulation import SimulationConfig, begin_simulations, make_scene, mesh_materials
 
 BUNDLE = "bundle"
 _ROUNDS = "rounds.json"

@@ -6,20 +6,20 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TypeVar
 
-from mixpinn.anatomy import AnatomyResult, make_anatomy
 from mixpinn.base.files import read_json, write_json
 from mixpinn.base.progress import console
 from mixpinn.base.rundir import finish_run, start_run
 from mixpinn.dataset import SimulationStore, Split
 from mixpinn.evaluation import Table
-from mixpinn.mesh import MeshResult, make_mesh
 from mixpinn.pipeline.config import RunConfig
-from mixpinn.pipeline.evaluation_stage import Background, evaluate_models
-from mixpinn.pipeline.hybrid_stage import HybridStageConfig, make_hybrid
-from mixpinn.pipeline.setup_tables import fidelity_table, findings_table, quality_table
-from mixpinn.pipeline.simulation_stage import make_simulations
-from mixpinn.pipeline.training_stage import HYBRID, load_samples, train_model
 from mixpinn.records import SampleTable
+from mixpinn.stages.anatomy import AnatomyResult, make_anatomy
+from mixpinn.stages.evaluation import Background, evaluate_models
+from mixpinn.stages.hybrid import HybridStageConfig, make_hybrid
+from mixpinn.stages.mesh import MeshResult, make_mesh
+from mixpinn.stages.setup_tables import fidelity_table, findings_table, quality_table
+from mixpinn.stages.simulation import make_simulations
+from mixpinn.stages.training import HYBRID, load_samples, train_model
 
 T = TypeVar("T")
 TIMES = "stage_seconds.json"

@@ -4,9 +4,8 @@ from mixpinn.serving.contact_source import SampleAddress, read_contacts, read_sa
 from mixpinn.serving.hybrid_predictor import Assessment, HybridPredictor, ProbeAddress
 from mixpinn.serving.load import AnyPredictor, load_predictor
 from mixpinn.serving.predictor import Predictor, contact_field
-from mixpinn.serving.stage import predict_stage
 
 __all__ = [
     "AnyPredictor", "Assessment", "HybridPredictor", "Predictor", "ProbeAddress", "SampleAddress", "contact_field",
-    "load_predictor", "predict_stage", "read_contacts", "read_sample",
+    "load_predictor", "read_contacts", "read_sample",
 ]

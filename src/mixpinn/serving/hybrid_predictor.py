@@ -11,15 +11,15 @@ from scipy.spatial.transform import Rotation
 
 from mixpinn.base.arrays import AnyArray, Float32Array, FloatArray
 from mixpinn.base.errors import InputError
-from mixpinn.models import MESH_FILE
-from mixpinn.models.hybrid import POSE_FILE, HybridModel, HybridState
-from mixpinn.models.prior import contact_nodes
+from mixpinn.networks import MESH_FILE
 from mixpinn.records import Prediction, TissueMesh
+from mixpinn.reduced.hybrid import POSE_FILE, HybridModel, HybridState
+from mixpinn.reduced.prior import contact_nodes
 from mixpinn.serving.predictor import checked_field, contact_field
 
 if TYPE_CHECKING:
-    from mixpinn.models.pose_model import PoseModel, PosePrediction
-    from mixpinn.models.pose_records import ContactHistory
+    from mixpinn.press.model import PoseModel, PosePrediction
+    from mixpinn.press.records import ContactHistory
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,7 +110,7 @@ class HybridPredictor:
         pose = None
         if (Path(folder) / POSE_FILE).is_file():
             # Imported here: contact needs the solver's geometry, which predicting from contact displacements does not.
-            from mixpinn.models.pose_files import load_pose_model
+            from mixpinn.press.files import load_pose_model
 
             pose = load_pose_model(folder, model)
         predictor = HybridPredictor(model, pose=pose, threads=threads)
@@ -215,7 +215,7 @@ class HybridPredictor:
         if steps < 0:
             raise InputError("steps", expected="0 or more", got=str(steps), fix="give how many Newton steps to take")
         from mixpinn.fem import StableNeoHookean
-        from mixpinn.models.newton_steps import NewtonSteps
+        from mixpinn.reduced.newton_steps import NewtonSteps
 
         equilibrium = self.model.newton.equilibrium
         materials = [

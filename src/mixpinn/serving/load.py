@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from mixpinn.models.hybrid import HYBRID_FILE
 from mixpinn.records import TissueMesh
+from mixpinn.reduced.hybrid import HYBRID_FILE
 from mixpinn.serving.hybrid_predictor import HybridPredictor
 from mixpinn.serving.predictor import Predictor
 

@@ -10,7 +10,7 @@ import torch
 from mixpinn.base.arrays import AnyArray, Float32Array
 from mixpinn.base.errors import InputError
 from mixpinn.graph import MeshGraph
-from mixpinn.models import MESH_FILE, DisplacementModel, ModelConfig, load_checkpoint, model_name
+from mixpinn.networks import MESH_FILE, DisplacementModel, ModelConfig, load_checkpoint, model_name
 from mixpinn.records import Prediction, TissueMesh
 
 if TYPE_CHECKING:

@@ -6,7 +6,6 @@ from mixpinn.training.config import PAPER_TRAINING, PHYSGNN_TRAINING, TrainConfi
 from mixpinn.training.history import EpochRecord, TrainingResult, read_history
 from mixpinn.training.loop import train
 from mixpinn.training.schedule import Schedule
-from mixpinn.training.stage import train_stage
 
 __all__ = [
     "PAPER_TRAINING",
@@ -21,5 +20,5 @@ __all__ = [
     "read_history",
     "settle_arithmetic",
     "train",
-    "train_stage",
+
 ]

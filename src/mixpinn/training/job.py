@@ -10,7 +10,7 @@ import numpy as np
 
 from mixpinn.base.errors import InputError
 from mixpinn.base.files import hash_arrays
-from mixpinn.models import ModelConfig
+from mixpinn.networks import ModelConfig
 from mixpinn.records import SampleTable, TissueMesh
 from mixpinn.training.config import TrainConfig
 from mixpinn.training.history import EpochRecord, StopReason

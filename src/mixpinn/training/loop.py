@@ -15,7 +15,7 @@ from torch.multiprocessing.spawn import ProcessRaisedException
 from mixpinn.base.errors import InputError, MixpinnError, SolveError
 from mixpinn.base.progress import console
 from mixpinn.graph import MeshGraph
-from mixpinn.models import DisplacementModel, ModelConfig, build_graph_for, describe_training, save_checkpoint
+from mixpinn.networks import DisplacementModel, ModelConfig, build_graph_for, describe_training, save_checkpoint
 from mixpinn.records import SampleTable, TissueMesh
 from mixpinn.training.batches import batches
 from mixpinn.training.config import TrainConfig

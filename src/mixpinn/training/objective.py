@@ -5,7 +5,7 @@ import torch
 from torch import Tensor
 
 from mixpinn.graph import MeshGraph
-from mixpinn.models import DisplacementModel, ModelConfig, build_model, mean_euclidean_error, rigid_edge_loss
+from mixpinn.networks import DisplacementModel, ModelConfig, build_model, mean_euclidean_error, rigid_edge_loss
 from mixpinn.records import SampleTable
 
 SCALING_SAMPLES = 128

@@ -1,0 +1,1 @@
+"""Frictional contact of the probe with the skin."""

@@ -1,0 +1,118 @@
+"""Contact of the probe, held in one place, with a patch of skin: what one load step solves against."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mixpinn.base.arrays import BoolArray, FloatArray
+from mixpinn.fem.contact.model import ContactModel, FrictionFrame, ProbePose
+from mixpinn.fem.contact.pair_kernel import evaluate
+from mixpinn.fem.contact.surfaces import SkinPatch
+from mixpinn.geometry.triangle_search import close_pairs, points_beneath
+
+_MARGIN = 2.0
+"""How far [mm] a vertex may move before close pairs are sought again."""
+
+
+@dataclass(frozen=True, eq=False)
+class ContactForces:
+    """Contact evaluated at one configuration of a patch with v vertices; p contact points on probe and patch.
+
+    Attributes:
+        energy: of contact and of friction at the current normal forces [N mm].
+        gradient: of contact and friction by vertex positions [N], shape (v, 3); forces are its negative.
+        stiffness: derivative of `gradient` [N/mm], shape (3 v, 3 v); not symmetric where contact points slip.
+        touched: vertices with entries in `stiffness`, shape (v,).
+        slip: elastic slip of each contact point if the step ended here [mm], shape (p, 3).
+        normal_force: of each contact point [N], shape (p,).
+        penetration: largest violation of the gap [mm].
+        hits: number of active pairs.
+    """
+
+    energy: float
+    gradient: FloatArray
+    stiffness: FloatArray
+    touched: BoolArray
+    slip: FloatArray
+    normal_force: FloatArray
+    penetration: float
+    hits: int
+
+
+class ContactProblem:
+    """Contact as a function of the positions of a patch's vertices, for one pose of the probe.
+
+    Contact points are the probe's samples followed by the patch's vertices.
+    """
+
+    def __init__(self, model: ContactModel, patch: SkinPatch, pose: ProbePose, frame: FrictionFrame) -> None:
+        """Place the probe.
+
+        Args:
+            model: probe, skin and laws.
+            patch: the skin that the probe can reach; contact elsewhere is not seen.
+            pose: of the probe.
+            frame: what friction refers to.
+        """
+        self.model, self.patch, self.pose = model, patch, pose
+        n_samples = len(model.probe.samples)
+        self._samples = pose.place(model.probe.samples)
+        self._corners = pose.place(model.probe.vertices)
+        chosen = np.concatenate([np.arange(n_samples), n_samples + patch.vertices])
+        local = np.full(len(model.skin.nodes), -1, dtype=np.int64)
+        local[patch.vertices] = np.arange(len(patch.vertices))
+        vertices = local[frame.vertices[chosen]]
+        self._anchored = frame.anchored[chosen] & (vertices >= 0).all(axis=1)
+        self._anchor_vertices = np.where(self._anchored[:, None], vertices, 0)
+        self._anchor_weights, self._anchor_normal = frame.weights[chosen], frame.normal[chosen]
+        self._anchor_offset = frame.slip[chosen] - frame.start[chosen] - pose.place(frame.local[chosen])
+        self._seen_at: FloatArray | None = None
+        nothing = np.empty((0, 2), dtype=np.int64)
+        self._sample_pairs, self._vertex_pairs = nothing, nothing
+
+    def evaluate(self, positions: FloatArray, *, exact: bool = True) -> ContactForces:
+        """Energy, forces and stiffness.
+
+        Args:
+            positions: of the patch's vertices [mm], shape (v, 3).
+            exact: whether the stiffness is the derivative of the gradient; otherwise it lacks N ∂²d and how friction
+                depends on N, and is symmetric and positive semi-definite.
+        """
+        positions = np.ascontiguousarray(positions)
+        self._seek_pairs(positions)
+        config = self.model.config
+        energy, penetration, hits, gradient, stiffness, touched, force, slip = evaluate(
+            positions, self._samples, self._sample_pairs, self.patch.triangles, self._corners, self._vertex_pairs,
+            self.model.probe.surface.triangles, config.gap, config.stiffness, config.smoothing, config.friction,
+            config.stiffness, self._anchored, self._anchor_vertices, self._anchor_weights, self._anchor_normal,
+            self._anchor_offset, exact,
+        )
+        return ContactForces(energy, gradient, stiffness, touched, slip, force, penetration, hits)
+
+    def slip_everywhere(self, forces: ContactForces) -> FloatArray:
+        """Elastic slip of all contact points of probe and skin [mm], shape (`ContactModel.n_points`, 3)."""
+        n_samples = len(self._samples)
+        slip = np.zeros((self.model.n_points, 3))
+        slip[:n_samples] = forces.slip[:n_samples]
+        slip[n_samples + self.patch.vertices] = forces.slip[n_samples:]
+        return slip
+
+    def tunnelled(self, positions: FloatArray) -> bool:
+        """Whether a probe sample that was near the skin at the start of the step is on its wrong side now.
+
+        Args:
+            positions: of the patch's vertices [mm], shape (v, 3).
+        """
+        near = self._samples[self._anchored[: len(self._samples)]]
+        return bool(points_beneath(near, np.ascontiguousarray(positions), self.patch.triangles).any())
+
+    def _seek_pairs(self, positions: FloatArray) -> None:
+        """List the pairs that may touch, again only where a vertex has moved far since the last time."""
+        if self._seen_at is not None and ((positions - self._seen_at) ** 2).sum(axis=1).max(initial=0.0) <= _MARGIN**2:
+            return
+        cutoff = self.model.config.gap + _MARGIN
+        self._seen_at = positions.copy()
+        self._sample_pairs = np.stack(close_pairs(self._samples, positions, self.patch.triangles, cutoff), axis=1)
+        self._vertex_pairs = np.stack(
+            close_pairs(positions, self._corners, self.model.probe.surface.triangles, cutoff), axis=1,
+        )

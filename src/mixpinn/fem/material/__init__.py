@@ -1,0 +1,1 @@
+"""Materials as users write them."""

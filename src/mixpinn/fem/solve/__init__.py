@@ -1,0 +1,1 @@
+"""Linear solvers, quasi-Newton, and the quasi-static path."""

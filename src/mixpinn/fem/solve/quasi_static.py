@@ -1,0 +1,340 @@
+"""The quasi-static solve of one load step: quasi-Newton on the elastic body, contact solved exactly in between.
+
+Equilibrium is r(q) + Sᵀ λ = 0 in the reduced unknowns q (free soft nodes and the twists of the rigid parts), with the
+elastic residual r = Jᵀ ∂E/∂x and the forces λ of contact. Every iteration linearises r alone and solves the frictional
+contact of the linearised body on the patch of skin that the probe can reach (`mixpinn.physics.condensed_contact`): what
+changes abruptly is settled there, and what is left for the outer iteration is smooth. A factorized tangent therefore
+serves many iterations and load steps, improved by BFGS updates (`mixpinn.fem.solve.quasi_newton`), and is renewed where
+an iteration leaves too much of the residual.
+"""
+
+import time
+from dataclasses import dataclass, field
+
+import numpy as np
+import scipy.sparse as sp
+
+from mixpinn.base.arrays import BoolArray, FloatArray, IntArray
+from mixpinn.base.errors import SolveError
+from mixpinn.fem.contact.model import ContactModel, FrictionFrame, ProbePose
+from mixpinn.fem.contact.problem import ContactForces, ContactProblem
+from mixpinn.fem.contact.surfaces import SkinPatch
+from mixpinn.fem.contact.unknowns import ContactUnknowns
+from mixpinn.fem.elements.system import ElasticSystem, State
+from mixpinn.fem.solve.linear import LinearSolver, default_solver, symmetric_product
+from mixpinn.fem.solve.quasi_newton import UpdatedInverse
+from mixpinn.physics.condensed_contact import solve_condensed
+
+
+@dataclass(frozen=True)
+class SolverConfig:
+    """How a step is solved.
+
+    Attributes:
+        tolerance: of the residual relative to the contact forces (both Euclidean norms); rounding in the stiff contact
+            leaves about 1e-9.
+        force_floor: forces below this count as this in the relative residual [N].
+        max_iterations: of one solve.
+        max_cuts: how often a step may be halved before it counts as failed.
+        updates: BFGS updates kept before a new factorization.
+        slow: a factorization is renewed when an iteration leaves more than this part of the residual.
+        threads: of the linear solver and the element kernels; None leaves the libraries' own.
+    """
+
+    tolerance: float = 1e-6
+    force_floor: float = 1e-3
+    max_iterations: int = 40
+    max_cuts: int = 5
+    updates: int = 30
+    slow: float = 0.5
+    threads: int | None = None
+
+
+@dataclass
+class Effort:
+    """Where the time of solves goes; every entry adds up over the solver's life."""
+
+    iterations: int = 0
+    contact_iterations: int = 0
+    factorizations: int = 0
+    evaluations: int = 0
+    seconds: dict[str, float] = field(default_factory=lambda: {
+        "assembly": 0.0, "factorization": 0.0, "solve": 0.0, "gradient": 0.0, "contact": 0.0,
+    })
+
+    def add(self, phase: str, since: float) -> None:
+        """Book the time from `since` (of `time.perf_counter`) until now to `phase`."""
+        self.seconds[phase] += time.perf_counter() - since
+
+
+@dataclass(frozen=True, eq=False)
+class Balance:
+    """Forces at one configuration.
+
+    Attributes:
+        state: the configuration.
+        internal: gradient of the elastic energy by node positions [N], shape (n, 3).
+        elastic: the same on the unknowns, r, zero for held ones, shape (n_dofs,).
+        contact: contact evaluated on the patch, if any.
+        external: gradient of the contact energy by node positions [N], shape (n, 3).
+        residual: reduced residual of both, shape (n_dofs,).
+    """
+
+    state: State
+    internal: FloatArray
+    elastic: FloatArray
+    contact: ContactForces | None
+    external: FloatArray
+    residual: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class StepSolution:
+    """Outcome of one solve; `history` holds the relative residual before each iteration and at the end."""
+
+    balance: Balance
+    converged: bool
+    history: list[float]
+    problem: ContactProblem | None = None
+
+
+class QuasiStaticSolver:
+    """Solves one step after another on one mesh, keeping its factorization between them."""
+
+    def __init__(
+        self, system: ElasticSystem, contact: ContactModel | None, config: SolverConfig, *,
+        linear: LinearSolver | None = None, held: BoolArray | None = None,
+    ) -> None:
+        """Prepare.
+
+        Args:
+            system: elastic bodies.
+            contact: None for a problem without contact.
+            config: tolerances and limits.
+            linear: sparse direct solver; by default the best that the platform has.
+            held: reduced unknowns that the solve must not change, shape (n_dofs,).
+        """
+        self.system, self.contact, self.config = system, contact, config
+        self.linear = linear or default_solver(config.threads)
+        self.held = held
+        self.effort = Effort()
+        self._residual_scale = _residual_scale(system)
+        self._patch: SkinPatch | None = None
+        self._unknowns: ContactUnknowns | None = None
+        self._force: FloatArray = np.empty(0)
+        self._inverse: UpdatedInverse | None = None
+
+    @property
+    def patch(self) -> SkinPatch | None:
+        """The skin on which contact is sought."""
+        return self._patch
+
+    def begin(self, patch: SkinPatch | None) -> None:
+        """Choose the patch of skin on which contact is sought, and forget earlier solves."""
+        self._inverse = None
+        if patch is None or self.contact is None or not len(patch.vertices):
+            self._patch, self._unknowns, self._force = None, None, np.empty(0)
+            return
+        self._patch = patch
+        self._unknowns = ContactUnknowns(self.system, self.contact.skin, patch, held=self.held)
+        self._force = np.zeros(len(self._unknowns.kept))
+
+    def problem(self, pose: ProbePose, frame: FrictionFrame) -> ContactProblem | None:
+        """Contact of the probe at `pose` with the patch; None without one."""
+        if self.contact is None or self._patch is None:
+            return None
+        return ContactProblem(self.contact, self._patch, pose, frame)
+
+    def balance(self, state: State, problem: ContactProblem | None) -> Balance:
+        """Evaluate all forces at `state`."""
+        start = time.perf_counter()
+        internal = self.system.gradient(state)
+        elastic = self.system.reduce(internal, state)
+        self.effort.add("gradient", start)
+        self.effort.evaluations += 1
+        external, forces, residual = np.zeros_like(internal), None, elastic
+        if problem is not None and self._unknowns is not None:
+            start = time.perf_counter()
+            forces = problem.evaluate(self._unknowns.positions(state))
+            external = self._unknowns.on_nodes(forces.gradient)
+            residual = elastic + self.system.reduce(external, state)
+            self.effort.add("contact", start)
+        if self.held is not None:
+            elastic, residual = np.where(self.held, 0.0, elastic), np.where(self.held, 0.0, residual)
+        return Balance(state, internal, elastic, forces, external, residual)
+
+    def relative_residual(self, balance: Balance) -> float:
+        """Norm of the residual relative to the contact forces; moments count by the arm of the rigid part.
+
+        Without contact, relative to the forces at the nodes that are fixed or held.
+        """
+        scale = float(np.linalg.norm(balance.external))
+        if self.contact is None:
+            scale = float(np.linalg.norm(balance.internal))
+        return float(np.linalg.norm(balance.residual * self._residual_scale)) / max(scale, self.config.force_floor)
+
+    def solve(self, state: State, pose: ProbePose | None = None, frame: FrictionFrame | None = None) -> StepSolution:
+        """Find equilibrium from the starting guess `state` with the probe at `pose`.
+
+        Returns:
+            The solution, `converged` or not: it is never raised as an error, since a step may be cut and tried again.
+        """
+        problem = None if pose is None or frame is None else self.problem(pose, frame)
+        at = self.balance(state, problem)
+        history = [self.relative_residual(at)]
+        fresh = False
+        while history[-1] > self.config.tolerance and len(history) <= self.config.max_iterations:
+            if self._inverse is None:
+                try:
+                    self._inverse = self._factorize(at)
+                except SolveError:
+                    break
+                fresh = True
+            new = self._iterate(at, problem, history)
+            if new is None:
+                if fresh:
+                    break
+                self._inverse = None
+                continue
+            at = new
+            history.append(self.relative_residual(at))
+            fresh = False
+            slow = len(history) > 2 and history[-1] > self.config.slow * history[-2]
+            if slow or len(self._inverse) >= self.config.updates:
+                self._inverse = None
+        converged = history[-1] <= self.config.tolerance
+        if converged and problem is not None and self._unknowns is not None:
+            converged = not problem.tunnelled(self._unknowns.positions(at.state))
+        return StepSolution(at, converged, history, problem)
+
+    def displace(self, state: State, increment: FloatArray) -> State:
+        """`state` with the held unknowns moved by `increment` and all others as the linearised body answers.
+
+        Args:
+            state: where to start.
+            increment: shape (n_dofs,) [mm, rad]; entries of unknowns that are not held are ignored.
+
+        Raises:
+            SolveError: the tangent is singular.
+        """
+        assert self.held is not None
+        at = self.balance(state, None)
+        start = time.perf_counter()
+        matrix = self.system.tangent(state, nodal_gradient=at.internal, project=True)
+        imposed = np.where(self.held, increment, 0.0)
+        rhs = np.where(self.held, imposed, -at.elastic - symmetric_product(matrix, imposed))
+        matrix = self.system.hold(matrix, self.held)
+        self.effort.add("assembly", start)
+        self._inverse = self._factorize_matrix(matrix)
+        return self.system.advance(state, self.linear.solve(rhs))
+
+    def _iterate(self, at: Balance, problem: ContactProblem | None, history: list[float]) -> Balance | None:
+        """One iteration from `at`; None where it leads nowhere."""
+        assert self._inverse is not None
+        self.effort.iterations += 1
+        gradient = at.elastic
+        start = time.perf_counter()
+        step = -self._inverse.apply(gradient)
+        self.effort.add("solve", start)
+        if problem is not None and self._unknowns is not None:
+            start = time.perf_counter()
+            force = self._contact_force(at, problem, step[self._unknowns.kept])
+            self.effort.add("contact", start)
+            if force is None:
+                return None
+            gradient = gradient.copy()
+            gradient[self._unknowns.kept] += force
+            start = time.perf_counter()
+            step = -self._inverse.apply(gradient)
+            self.effort.add("solve", start)
+        new, length = self._advance(at, step, problem, history)
+        if new is None:
+            return None
+        start = time.perf_counter()
+        self._inverse.update(length * step, new.elastic - at.elastic, -length * gradient)
+        self.effort.add("solve", start)
+        return new
+
+    def _contact_force(self, at: Balance, problem: ContactProblem, free: FloatArray) -> FloatArray | None:
+        """Contact forces λ on the kept unknowns in equilibrium with the linearised body."""
+        assert self._unknowns is not None
+        assert self._inverse is not None
+        positions, jacobian = self._unknowns.positions(at.state), self._unknowns.jacobian(at.state)
+
+        def law(y: FloatArray, exact: bool) -> tuple[FloatArray, FloatArray, IntArray]:
+            moved = np.einsum("ij,j->i", jacobian, y).reshape(-1, 3)
+            forces = problem.evaluate(positions + moved, exact=exact)
+            rows = np.flatnonzero(np.repeat(forces.touched, 3))
+            some = jacobian[rows]
+            columns = np.flatnonzero(some.any(axis=0))
+            some = some[:, columns]
+            reduced = np.einsum("i,ij->j", forces.gradient.ravel(), jacobian)
+            return reduced, some.T @ forces.stiffness[np.ix_(rows, rows)] @ some, columns
+
+        # Start from the last forces where they leave the skin about where it is, else from where it is: a start
+        # without forces would let the skin spring back through the probe.
+        gap, compliance = problem.model.config.gap, self._inverse.compliance
+        near = np.abs(free - np.einsum("ij,j->i", compliance, self._force)).max(initial=0.0) < 0.25 * gap
+        for warm in (True, False) if near else (False,):
+            start = self._force if warm else np.asarray(np.linalg.solve(compliance, free), dtype=np.float64)
+            found = solve_condensed(compliance, free, law, start=start, largest_move=0.3 * gap)
+            self.effort.contact_iterations += found.iterations
+            if found.converged:
+                self._force = found.force
+                return found.force
+        return None
+
+    def _advance(
+        self, at: Balance, step: FloatArray, problem: ContactProblem | None, history: list[float],
+    ) -> tuple[Balance | None, float]:
+        """Take the step, or a part of it where the whole makes things worse.
+
+        The residual at the first guess says little, since the probe has just moved: there, forces out of balance
+        by as much as the contact forces are still accepted.
+        """
+        if not np.isfinite(step).all():
+            return None, 0.0
+        slope = float((step * at.residual).sum())
+        allowed = max(1.0, history[0]) if len(history) == 1 else history[-1]
+        length = 1.0
+        for _ in range(5):
+            new = self.balance(self.system.advance(at.state, length * step), problem)
+            reached = self.relative_residual(new)
+            flat = abs(float((step * new.residual).sum())) < 0.5 * abs(slope)
+            if np.isfinite(reached) and (reached <= allowed or flat):
+                return new, length
+            length *= 0.5
+        return None, 0.0
+
+    def _factorize(self, at: Balance) -> UpdatedInverse:
+        """Assemble and factorize the tangent of the elastic body at a configuration."""
+        nodal = at.internal + at.external
+        start = time.perf_counter()
+        matrix = self.system.tangent(at.state, nodal_gradient=nodal, held=self.held, project=False)
+        self.effort.add("assembly", start)
+        inverse = self._factorize_matrix(matrix)
+        if self.linear.indefinite:
+            start = time.perf_counter()
+            matrix = self.system.tangent(at.state, nodal_gradient=nodal, held=self.held, project=True)
+            self.effort.add("assembly", start)
+            inverse = self._factorize_matrix(matrix)
+        return inverse
+
+    def _factorize_matrix(self, matrix: sp.csr_matrix) -> UpdatedInverse:
+        start = time.perf_counter()
+        kept = np.empty(0, dtype=np.int64) if self._unknowns is None else self._unknowns.kept
+        compliance = self.linear.factorize_with_compliance(matrix, kept)
+        self.effort.add("factorization", start)
+        self.effort.factorizations += 1
+        return UpdatedInverse(self.linear.solve, compliance, kept)
+
+
+def _residual_scale(system: ElasticSystem) -> FloatArray:
+    """Factors that turn the residual into forces: a moment counts by the arm of its rigid part, shape (n_dofs,)."""
+    mesh = system.mesh
+    scale = np.ones(system.n_dofs)
+    for k in range(mesh.n_parts):
+        points = mesh.points[mesh.part_nodes(k + 1)]
+        arm = np.sqrt(((points - points.mean(axis=0)) ** 2).sum(axis=1).mean())
+        scale[system.n_dofs - 6 * mesh.n_parts + 6 * k + 3 :][:3] = 1.0 / max(float(arm), 1e-9)
+    return scale

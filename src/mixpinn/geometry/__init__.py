@@ -1,0 +1,1 @@
+"""Geometry without physics: triangles, rays, rotations, rigid fits, shapes of probes."""

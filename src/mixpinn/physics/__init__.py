@@ -1,0 +1,1 @@
+"""Laws and kernels without state, which the solver and the reduced side share."""

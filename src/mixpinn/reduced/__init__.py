@@ -1,0 +1,1 @@
+"""Reduced models: elastic prior, modes, equilibrium on them, hybrid model, error estimate, and their fits."""

@@ -1,0 +1,266 @@
+"""Fit the hybrid model: modes from the training samples, a ridge regression, a calibrated error estimate."""
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from mixpinn.base.arrays import AnyArray, Float32Array, FloatArray, IntArray
+from mixpinn.base.errors import InputError
+from mixpinn.base.progress import track
+from mixpinn.fem import ElasticSystem, Material, default_solver
+from mixpinn.records import SampleTable
+from mixpinn.reduced.equilibrium import Equilibrium
+from mixpinn.reduced.error_estimate import ErrorEstimate, Signs
+from mixpinn.reduced.hybrid import HybridModel, features
+from mixpinn.reduced.modal_newton import ModalNewton
+from mixpinn.reduced.modes import coefficients, principal_modes
+from mixpinn.reduced.prior import ElasticPrior
+from mixpinn.reduced.row_products import rows_times
+
+
+@dataclass(frozen=True)
+class HybridConfig:
+    """How the correction is made.
+
+    Attributes:
+        modes: number of modes m.
+        coordinates: number of principal coordinates k of the prior's response.
+        newton: use the Newton step as features.
+        response: use the coordinates and their products as features.
+        ridge: penalties of the regression to choose from, relative to the number of samples, features scaled to unit
+            variance; the one that cross-validation over training positions finds best is taken.
+        compress: with a positive value, the bundle holds the prior as a low-rank product with at most this relative
+            error (Frobenius norm) instead of the whole matrix.
+        mode_samples: samples from which the modes are taken, drawn from the training samples.
+        seed: of that draw.
+    """
+
+    modes: int = 96
+    coordinates: int = 12
+    newton: bool = True
+    response: bool = True
+    ridge: tuple[float, ...] = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0)
+    compress: float = 0.0
+    mode_samples: int = 2400
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        for name in ("modes", "coordinates", "mode_samples"):
+            if getattr(self, name) < 1:
+                raise InputError(
+                    f"hybrid.{name}", expected="at least 1", got=str(getattr(self, name)), fix="correct the setting",
+                )
+        if not (self.ridge and min(self.ridge) > 0.0):
+            raise InputError(
+                "hybrid.ridge", expected="positive numbers", got=str(self.ridge), fix="correct the setting",
+            )
+        if not (self.newton or self.response):
+            raise InputError(
+                "hybrid", expected="newton, response or both", got="neither", fix="switch one of them on",
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class PreparedSamples:
+    """What physics says of S samples; modes and regressions follow from it by dense products.
+
+    Attributes:
+        response: of the prior [mm, rad], shape (S, D).
+        missed: what the prior misses [mm, rad], shape (S, D).
+        residual: unbalanced force at the response, zero on the held unknowns [N, N mm], shape (S, D).
+        rows: rows of the contact nodes in the compliance, shapes (3 l,).
+        force: of the prior on the contact nodes [N], shapes (3 l,).
+        held: W_LL⁻¹ C_L r, the force that keeps them in place during the Newton step [N], shapes (3 l,).
+        position: index of the probe position, shape (S,).
+    """
+
+    response: Float32Array
+    missed: Float32Array
+    residual: Float32Array
+    rows: list[IntArray]
+    force: list[FloatArray]
+    held: list[FloatArray]
+    position: IntArray
+
+    def __len__(self) -> int:
+        return len(self.position)
+
+    def select(self, chosen: AnyArray) -> "PreparedSamples":
+        """The samples at indices (or where the mask) `chosen`."""
+        index = np.arange(len(self))[chosen]
+        return PreparedSamples(
+            self.response[index], self.missed[index], self.residual[index], [self.rows[i] for i in index],
+            [self.force[i] for i in index], [self.held[i] for i in index], self.position[index],
+        )
+
+    def steps(self, newton: ModalNewton) -> Float32Array:
+        """ν of every sample, shape (S, m)."""
+        kept = np.stack([
+            newton.coupling[:, rows] @ held.astype(np.float32) for rows, held in zip(self.rows, self.held, strict=True)
+        ])
+        step: Float32Array = kept - self.residual @ newton.duals.T
+        return step
+
+    def coordinates(self, readers: Float32Array) -> Float32Array:
+        """a of every sample, shape (S, k)."""
+        return np.stack([
+            readers[:, rows] @ force.astype(np.float32) for rows, force in zip(self.rows, self.force, strict=True)
+        ])
+
+
+def prepare_samples(prior: ElasticPrior, equilibrium: Equilibrium, table: SampleTable) -> PreparedSamples:
+    """Ask the two physical models about every sample of a table; the table's prediction needs no training."""
+    space, size = prior.coordinates, (len(table), prior.coordinates.size)
+    found = PreparedSamples(
+        np.empty(size, np.float32), np.empty(size, np.float32), np.empty(size, np.float32), [], [], [],
+        table.position_index,
+    )
+    for index in track(range(len(table)), "prior and residual"):
+        sample = table[index]
+        contact = prior.hold(sample.contact_nodes)
+        force = contact.solve(sample.contact_displacement.ravel())
+        response, residual = found.response[index], found.residual[index]
+        response[:] = prior.respond_to_forces(contact, force)
+        residual[:] = equilibrium.residual(space.expand(response), space)
+        residual[contact.unknowns] = 0.0
+        found.missed[index] = space.project(sample.displacement) - response
+        moved = np.empty(len(contact.rows), dtype=np.float32)
+        rows_times(prior.compliance, contact.rows, residual, moved)
+        found.rows.append(contact.rows)
+        found.force.append(force)
+        found.held.append(contact.solve(moved))
+    return found
+
+
+def fit_hybrid(
+    prior: ElasticPrior, materials: Sequence[Material], train: SampleTable, validation: SampleTable,
+    config: HybridConfig | None = None,
+) -> HybridModel:
+    """Fit modes and gain on `train`, calibrate the error estimate on `validation`.
+
+    Args:
+        prior: of the samples' mesh, prepared for all their contact nodes.
+        materials: one for each tissue of the mesh.
+        train: training samples.
+        validation: samples at other positions; without any the error estimate is left out.
+        config: how.
+
+    Raises:
+        InputError: samples of another mesh, or materials that the residual is not there for.
+    """
+    config, began = config or HybridConfig(), time.perf_counter()
+    for table in (train, validation):
+        if table.mesh_hash != prior.mesh.hash():
+            raise InputError(
+                "samples", expected=f"samples of mesh {prior.mesh.hash()}", got=f"of mesh {table.mesh_hash}",
+                fix="build the prior on the mesh of the simulations",
+            )
+    prepared = prepare_samples(prior, Equilibrium.of_materials(prior.mesh, materials), train)
+    model = fit_correction(prior, materials, prepared, config)
+    error = None
+    if len(validation):
+        signs, errors = error_signs(model, validation)
+        error = ErrorEstimate.fit(signs, errors, training_coordinates=prepared.coordinates(model.readers))
+    about = {
+        **model.about, "training_samples": len(train), "training_positions": len(np.unique(train.position_index)),
+        "validation_samples": len(validation), "seconds": time.perf_counter() - began,
+    }
+    return replace(model, error=error, about=about)
+
+
+def fit_correction(
+    prior: ElasticPrior, materials: Sequence[Material], prepared: PreparedSamples, config: HybridConfig,
+) -> HybridModel:
+    """Modes and gain from prepared training samples; the model is not calibrated yet."""
+    rng = np.random.default_rng(config.seed)
+    weights = prior.coordinates.weights
+    drawn = prepared.select(np.sort(rng.permutation(len(prepared))[: config.mode_samples]))
+    modes = principal_modes(drawn.missed, weights, config.modes, rng=rng)
+    principal = principal_modes(drawn.response, weights, config.coordinates, rng=rng)
+    system, linear = ElasticSystem(prior.mesh, materials), default_solver()
+    linear.factorize(system.tangent(system.rest_state(), project=True))
+    duals = linear.solve(np.asfortranarray((weights**2 * modes).T, dtype=np.float64)).T
+    newton = ModalNewton(
+        prior, Equilibrium.of_materials(prior.mesh, materials), modes, np.ascontiguousarray(duals, dtype=np.float32),
+        np.ascontiguousarray(((weights**2 * modes) @ prior.compliance.T).astype(np.float32)),
+    )
+    readers = np.ascontiguousarray(((weights**2 * principal) @ prior.compliance.T).astype(np.float32))
+    gain, chosen = fit_gain(
+        prepared.steps(newton), prepared.coordinates(readers), coefficients(modes, weights, prepared.missed),
+        prepared.position, config,
+    )
+    return HybridModel(newton, readers, gain, about=chosen)
+
+
+def fit_gain(
+    step: Float32Array, coordinates: Float32Array, target: Float32Array, position: IntArray, config: HybridConfig,
+) -> tuple[Float32Array, dict[str, Any]]:
+    """Ridge regression of the target (S, m) on the features, shape (F, m), and what cross-validation chose.
+
+    The regression shrinks towards a multiple of the Newton step (the best one by least squares), not towards zero: with
+    few samples the correction falls back to physics.
+
+    Args:
+        step: ν, shape (S, m).
+        coordinates: a, shape (S, k).
+        target: coefficients of what the prior misses, shape (S, m).
+        position: index of the probe position of each sample, shape (S,).
+        config: features and penalties.
+    """
+    n_modes = step.shape[1]
+    rows = features(step, coordinates).astype(np.float64)
+    newton = step.astype(np.float64)
+    length = config.newton * float((newton * target).sum() / max((newton**2).sum(), 1e-30))
+    rest = target - length * newton
+    used = np.zeros(rows.shape[1], dtype=bool)
+    used[:n_modes], used[n_modes:] = config.newton, config.response
+    choices = [(used, ridge) for ridge in config.ridge]
+    if config.newton and config.response:
+        alone = used.copy()
+        alone[n_modes:] = False
+        choices += [(alone, ridge) for ridge in config.ridge]
+    errors = [_cross_validate(rows[:, chosen], rest, position, ridge) for chosen, ridge in choices]
+    chosen, ridge = choices[int(np.argmin(errors))]
+    gain = np.zeros((rows.shape[1], n_modes))
+    gain[chosen] = _ridge(rows[:, chosen], rest, ridge)
+    gain[:n_modes] += length * np.eye(n_modes)
+    return gain.astype(np.float32), {
+        "ridge": ridge, "features": int(chosen.sum()), "newton_length": length,
+        "cross_validation": min(errors),
+    }
+
+
+def _ridge(rows: FloatArray, target: FloatArray, penalty: float) -> FloatArray:
+    scale = np.maximum(rows.std(axis=0), 1e-12)
+    rows = rows / scale
+    normal = rows.T @ rows + penalty * len(rows) * np.eye(rows.shape[1])
+    gain: FloatArray = np.linalg.solve(normal, rows.T @ target) / scale[:, None]
+    return gain
+
+
+def _cross_validate(rows: FloatArray, target: FloatArray, position: IntArray, penalty: float, folds: int = 5) -> float:
+    """Mean norm of the error on positions that were left out of the fit."""
+    fold = np.searchsorted(np.unique(position), position) % folds
+    total = 0.0
+    for left in np.unique(fold):
+        out = fold == left
+        if out.all():
+            return float(np.linalg.norm(target, axis=1).mean())
+        missed = target[out] - rows[out] @ _ridge(rows[~out], target[~out], penalty)
+        total += float(np.linalg.norm(missed, axis=1).sum())
+    return total / len(target)
+
+
+def error_signs(model: HybridModel, table: SampleTable) -> tuple[list[Signs], FloatArray]:
+    """Signs of the error of every sample of a table, and the mean Euclidean error itself [mm], shape (S,)."""
+    signs, errors = [], np.empty(len(table))
+    for index in track(range(len(table)), "error estimate"):
+        sample = table[index]
+        state = model.solve(sample.contact_nodes, sample.contact_displacement)
+        moved = model.expand(state)
+        errors[index] = np.linalg.norm(moved - sample.displacement, axis=1).mean()
+        signs.append(model.signs(state))
+    return signs, errors

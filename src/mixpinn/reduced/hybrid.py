@@ -1,0 +1,184 @@
+"""HybridModel: the elastic prior and a learned correction in few modes; rigid parts move exactly rigidly.
+
+The prior answers a contact displacement with the linear response q⁰ of the body. What it misses is of second order and
+lies in few modes Ψ of the reduced unknowns, so that the prediction is
+
+    q = q⁰ + Ψᵀ z,    z = G φ,    φ = [ν, a, a ⊗ a].
+
+ν are the coefficients of one Newton step of the true equilibrium from q⁰ (`ModalNewton`), which knows the material, the
+geometry and the contact nodes of this very sample; a are the leading principal coordinates of q⁰; and G is a ridge
+regression on simulations. The twists in q move the rigid parts by finite rotations: their edges cannot change length.
+"""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from mixpinn.base.arrays import AnyArray, Float32Array, FloatArray
+from mixpinn.base.errors import InputError
+from mixpinn.base.files import read_json, write_json
+from mixpinn.base.tensor_file import read_tensors, write_tensors
+from mixpinn.records import TissueMesh
+from mixpinn.reduced.equilibrium import Equilibrium
+from mixpinn.reduced.error_estimate import ErrorEstimate, Signs
+from mixpinn.reduced.modal_newton import ModalNewton
+from mixpinn.reduced.prior import ContactSystem, ElasticPrior, contact_nodes
+
+HYBRID_FILE, _TENSORS, _PRIOR = "hybrid.json", "hybrid.safetensors", "prior"
+POSE_FILE = "pose.safetensors"
+"""What a bundle that takes poses holds besides; see `mixpinn.press.files`."""
+
+_FORMAT = 1
+
+
+@dataclass(frozen=True, eq=False)
+class HybridState:
+    """A prediction before it is spread over the mesh.
+
+    Attributes:
+        contact: the contact nodes that are held.
+        response: q⁰ [mm, rad], shape (D,).
+        force: of the prior on the contact nodes [N], shape (3 l,).
+        unknowns: q, with the contact nodes where they were put [mm, rad], shape (D,).
+        step: ν, shape (m,).
+        correction: z, shape (m,).
+        coordinates: a, shape (k,).
+    """
+
+    contact: ContactSystem
+    response: Float32Array
+    force: FloatArray
+    unknowns: Float32Array
+    step: Float32Array
+    correction: Float32Array
+    coordinates: Float32Array
+
+
+@dataclass(frozen=True, eq=False)
+class HybridModel:
+    """Contact displacement in, displacement of every node out.
+
+    Attributes:
+        newton: modes, duals and the two physical models behind them.
+        readers: a = readers_L f for forces f on the contact nodes, shape (k, 3 c).
+        gain: G, shape (m + k + k (k + 1) / 2, m); rows of features that were not fitted are zero.
+        error: what error to expect, where the model was calibrated.
+        about: how it was fitted, plain values.
+        name: for tables.
+    """
+
+    newton: ModalNewton
+    readers: Float32Array
+    gain: Float32Array
+    error: ErrorEstimate | None = None
+    about: dict[str, Any] = field(default_factory=dict)
+    name: str = "Hybrid"
+
+    @property
+    def mesh(self) -> TissueMesh:
+        """The mesh."""
+        return self.newton.prior.mesh
+
+    @property
+    def prior(self) -> ElasticPrior:
+        """The linear response."""
+        return self.newton.prior
+
+    @staticmethod
+    def of_prior(prior: ElasticPrior, equilibrium: Equilibrium) -> "HybridModel":
+        """The prior alone: no modes, nothing fitted yet."""
+        nothing = np.zeros((0, prior.coordinates.size), np.float32)
+        none = np.zeros((0, len(prior.compliance)), np.float32)
+        newton = ModalNewton(prior, equilibrium, nothing, nothing, none)
+        return HybridModel(newton, none, np.zeros((0, 0), np.float32), name=prior.name)
+
+    def solve(self, nodes: AnyArray, displacement: AnyArray) -> HybridState:
+        """Predict the reduced unknowns.
+
+        Args:
+            nodes: contact nodes, distinct, shape (l,).
+            displacement: of each [mm], shape (l, 3).
+
+        Raises:
+            InputError: a node that the prior was not prepared for.
+        """
+        contact = self.prior.hold(nodes)
+        force = contact.solve(np.asarray(displacement).ravel())
+        response = self.prior.respond_to_forces(contact, force)
+        coordinates = self.readers[:, contact.rows] @ force.astype(np.float32)
+        step = self.newton.step(response, contact) if len(self.newton.modes) else np.zeros(0, np.float32)
+        correction = features(step, coordinates) @ self.gain
+        unknowns = self.newton.add_modes(correction, response)
+        unknowns[contact.unknowns] = np.asarray(displacement, dtype=np.float32).ravel()
+        return HybridState(contact, response, force, unknowns, step, correction, coordinates)
+
+    def predict(self, contact_displacement: AnyArray) -> Float32Array:
+        """Displacement of every node [mm], float32, (n, 3), from that of the contact nodes, zero elsewhere, (n, 3)."""
+        nodes = contact_nodes(contact_displacement)
+        if not len(nodes):
+            return np.zeros((self.mesh.n_points, 3), dtype=np.float32)
+        return self.expand(self.solve(nodes, contact_displacement[nodes]))
+
+    def expand(self, state: HybridState) -> Float32Array:
+        """The field of a state [mm], float32, shape (n, 3)."""
+        return self.prior.expand(state.unknowns)
+
+    def signs(self, state: HybridState) -> Signs:
+        """What the error of a prediction shows in; costs one more evaluation of the equilibrium."""
+        remaining = self.newton.step(state.unknowns, state.contact)
+        return Signs.of(state.step, state.correction, remaining, state.coordinates)
+
+    def save(self, folder: Path | str, *, tolerance: float = 0.0) -> None:
+        """Write the arrays as safetensors, the prior beside them (see `ElasticPrior.save`), and ``hybrid.json``."""
+        folder = Path(folder)
+        self.prior.save(folder / _PRIOR, tolerance=tolerance)
+        tensors = {
+            "modes": self.newton.modes, "duals": self.newton.duals, "coupling": self.newton.coupling,
+            "readers": self.readers, "gain": self.gain,
+        }
+        write_tensors(folder / _TENSORS, {name: torch.from_numpy(array) for name, array in tensors.items()})
+        write_json(folder / HYBRID_FILE, {
+            "format": _FORMAT, "mesh_hash": self.mesh.hash(), "mu": self.newton.equilibrium.mu,
+            "lam": self.newton.equilibrium.lam, "name": self.name, "about": self.about,
+            "error": self.error.as_dict() if self.error is not None else None,
+        })
+
+    @staticmethod
+    def load(folder: Path | str, mesh: TissueMesh) -> "HybridModel":
+        """Read what `save` wrote; no code in it is run.
+
+        Raises:
+            InputError: absent, damaged, or of another mesh.
+        """
+        folder = Path(folder)
+        values = read_json(folder / HYBRID_FILE)
+        if not isinstance(values, dict) or values.get("format") != _FORMAT:
+            raise InputError(
+                str(folder / HYBRID_FILE), expected=f"a hybrid model of format {_FORMAT}", got="something else",
+                fix="fit the model again",
+            )
+        prior = ElasticPrior.load(folder / _PRIOR, mesh)
+        arrays = {name: tensor.numpy() for name, tensor in read_tensors(folder / _TENSORS)[0].items()}
+        try:
+            newton = ModalNewton(
+                prior, Equilibrium(mesh, mu=values["mu"], lam=values["lam"]), arrays["modes"], arrays["duals"],
+                arrays["coupling"],
+            )
+            error = None if values["error"] is None else ErrorEstimate.of_dict(values["error"])
+            return HybridModel(newton, arrays["readers"], arrays["gain"], error, values["about"], values["name"])
+        except (KeyError, TypeError) as found:
+            raise InputError(
+                str(folder), expected="a complete hybrid model", got=repr(found), fix="fit the model again",
+            ) from found
+
+
+def features(step: AnyArray, coordinates: AnyArray) -> Float32Array:
+    """φ = [ν, a, a_i a_j for i ≤ j], shapes (…, m) and (…, k) → (…, m + k + k (k + 1) / 2)."""
+    first, second = np.triu_indices(coordinates.shape[-1])
+    joined: Float32Array = np.concatenate(
+        [step, coordinates, coordinates[..., first] * coordinates[..., second]], axis=-1,
+    ).astype(np.float32)
+    return joined

@@ -1,0 +1,72 @@
+"""One Newton step of the true, nonlinear equilibrium, read off in few modes at the price of three small products.
+
+At a state with residual r on the unknowns that contact does not hold, Newton's method with the rest-state stiffness K
+and the contact nodes L held moves the unknowns by
+
+    δ = −(K⁻¹ r − C_L W_LL⁻¹ C_Lᵀ r),
+
+C = K⁻¹ Sᵀ the compliance of the elastic prior and W = S C its own block. Only its coefficients in orthonormal modes Ψ
+are wanted, Ψ M δ with M the weights. They need K⁻¹ for the modes alone, once: with the duals Φ = Ψ M K⁻¹ and T = Ψ M C,
+
+    Ψ M δ = −(Φ r − T_L W_LL⁻¹ C_Lᵀ r).
+
+The step is exact, however few modes there are; no linear system of the mesh's size is solved.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mixpinn.base.arrays import AnyArray, Float32Array, FloatArray
+from mixpinn.reduced.equilibrium import Equilibrium
+from mixpinn.reduced.prior import ContactSystem, ElasticPrior
+from mixpinn.reduced.row_products import combine_rows, rows_times
+
+
+@dataclass(frozen=True, eq=False)
+class ModalNewton:
+    """Newton steps of a body in the coefficients of m modes.
+
+    Attributes:
+        prior: the linear response.
+        equilibrium: the nonlinear residual.
+        modes: Ψ, orthonormal, shape (m, D).
+        duals: Φ = Ψ M K⁻¹, shape (m, D).
+        coupling: T = Ψ M C, shape (m, 3 c).
+    """
+
+    prior: ElasticPrior
+    equilibrium: Equilibrium
+    modes: Float32Array
+    duals: Float32Array
+    coupling: Float32Array
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "_all", np.arange(len(self.duals)))
+
+    def step(self, unknowns: AnyArray, contact: ContactSystem) -> Float32Array:
+        """Coefficients of the Newton step [mm times the root of the number of nodes], shape (m,).
+
+        Args:
+            unknowns: the state, at which the contact nodes are where they are imposed to be, shape (D,).
+            contact: the contact nodes that are held.
+        """
+        coordinates = self.prior.coordinates
+        residual = self.equilibrium.residual(coordinates.expand(unknowns), coordinates)
+        residual[contact.unknowns] = 0.0
+        return self.step_of_residual(residual, contact)
+
+    def step_of_residual(self, residual: Float32Array, contact: ContactSystem) -> Float32Array:
+        """`step` for a residual (D,) that is zero on the held unknowns."""
+        moved = np.empty(len(contact.rows), dtype=np.float32)
+        rows_times(self.prior.compliance, contact.rows, residual, moved)
+        free = np.empty(len(self.duals), dtype=np.float32)
+        rows_times(self.duals, self._all, residual, free)  # type: ignore[attr-defined]
+        held: FloatArray = contact.solve(moved)
+        return -(free - self.coupling[:, contact.rows] @ held.astype(np.float32))
+
+    def add_modes(self, coefficients: Float32Array, unknowns: Float32Array) -> Float32Array:
+        """`unknowns` (D,) and Σ_i z_i ψ_i for coefficients z (m,)."""
+        moved = unknowns.copy()
+        combine_rows(self.modes, self._all, coefficients, moved)  # type: ignore[attr-defined]
+        return moved

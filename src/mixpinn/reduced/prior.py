@@ -1,0 +1,276 @@
+"""ElasticPrior: the linear response of the mixed-material body, known exactly from one factorization.
+
+Linearised at rest, equilibrium under forces f on contact nodes L reads K q = Sᵀ f in the reduced unknowns q (soft
+displacements, and one twist a rigid part), so that q = C f with the compliance C = K⁻¹ Sᵀ. Imposing the displacement
+d of the contact nodes means S C f = d:
+
+    f = (S C)_LL⁻¹ d,     q = C_L f.
+
+C is computed once for every node that a probe may touch; a prediction then solves one small dense system. Rigid parts
+move by the finite rotation of their twist, so that their edges keep their length.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import scipy.linalg
+
+from mixpinn.base.arrays import AnyArray, Float32Array, FloatArray, IntArray
+from mixpinn.base.errors import InputError
+from mixpinn.base.files import atomic_path, read_json, write_json
+from mixpinn.records import TissueMesh
+from mixpinn.reduced.coordinates import ReducedCoordinates
+from mixpinn.reduced.row_products import combine_rows
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from mixpinn.fem import LinearSolver, Material
+
+_ABOUT, _COMPLIANCE = "prior.json", "compliance.npy"
+_LEFT, _RIGHT, _OWN = "left.npy", "right.npy", "own.npy"
+
+
+def contact_nodes(contact_displacement: AnyArray) -> IntArray:
+    """Nodes that a field of contact displacements (n, 3) moves."""
+    found: IntArray = np.flatnonzero(np.any(contact_displacement != 0.0, axis=1))
+    return found
+
+
+class ContactSystem:
+    """Some contact nodes of a prior, held together: l nodes.
+
+    Attributes:
+        rows: their rows in the compliance, shape (3 l,).
+        unknowns: the reduced unknowns that are their displacements, shape (3 l,).
+    """
+
+    def __init__(self, rows: IntArray, unknowns: IntArray, own: FloatArray) -> None:
+        self.rows, self.unknowns = rows, unknowns
+        self._factor = scipy.linalg.cho_factor(own, lower=True, overwrite_a=True, check_finite=False)
+
+    def solve(self, displacement: AnyArray) -> FloatArray:
+        """Forces [N], shape (3 l,), that displace the nodes by `displacement` [mm], shape (3 l,)."""
+        force: FloatArray = scipy.linalg.cho_solve(
+            self._factor, np.asarray(displacement, dtype=np.float64), check_finite=False,
+        )
+        return force
+
+
+def probed_nodes(mesh: TissueMesh, *, margin: float = 60.0) -> IntArray:
+    """Free skin nodes that a probe on the back may touch: those that face backwards, over the rigid parts.
+
+    Args:
+        mesh: the mesh.
+        margin: how far beyond the rigid parts' extent along x and z nodes still count [mm].
+    """
+    faces = mesh.skin_faces
+    a, b, c = (mesh.points[faces[:, corner]] for corner in range(3))
+    backwards = faces[np.cross(b - a, c - a)[:, 1] > 0.0]
+    nodes = np.unique(backwards)
+    nodes = nodes[~mesh.fixed[nodes]]
+    rigid = mesh.points[mesh.part > 0] if mesh.n_parts else mesh.points
+    low, high = rigid.min(axis=0) - margin, rigid.max(axis=0) + margin
+    points = mesh.points[nodes]
+    over = ((points >= low) & (points <= high))[:, [0, 2]].all(axis=1)
+    chosen: IntArray = nodes[over & (points[:, 1] > rigid[:, 1].mean())]
+    return chosen
+
+
+@dataclass(frozen=True, eq=False)
+class ElasticPrior:
+    """Contact displacement in, displacement of every node and contact forces out; no training.
+
+    Attributes:
+        mesh: the mesh.
+        nodes: contact nodes that may be imposed, ascending, shape (c,).
+        compliance: response of every reduced unknown to a unit force at each of them [mm/N], float32, shape
+            (3 c, n_dofs): free soft nodes in ascending order, then translation and rotation vector of each part.
+        name: for tables.
+    """
+
+    mesh: TissueMesh
+    nodes: IntArray
+    compliance: Float32Array
+    name: str = "Elastic prior"
+
+    def __post_init__(self) -> None:
+        coordinates = ReducedCoordinates(self.mesh)
+        order = np.searchsorted(coordinates.free, self.nodes)
+        own = self.compliance[:, (3 * order[:, None] + np.arange(3)).ravel()].astype(np.float64)
+        object.__setattr__(self, "_coordinates", coordinates)
+        object.__setattr__(self, "_first_unknown", 3 * order)
+        object.__setattr__(self, "_own", 0.5 * (own + own.T))
+
+    @property
+    def coordinates(self) -> ReducedCoordinates:
+        """The reduced unknowns."""
+        found: ReducedCoordinates = self._coordinates  # type: ignore[attr-defined]
+        return found
+
+    @property
+    def own_compliance(self) -> FloatArray:
+        """Displacement of the contact nodes under unit forces on them [mm/N], symmetric, shape (3 c, 3 c)."""
+        found: FloatArray = self._own  # type: ignore[attr-defined]
+        return found
+
+    def hold(self, nodes: AnyArray) -> ContactSystem:
+        """The system of contact nodes (l,), which several solves share.
+
+        Raises:
+            InputError: a node that the prior was not prepared for.
+        """
+        rows = self._rows(nodes)
+        own: FloatArray = self._own[np.ix_(rows, rows)]  # type: ignore[attr-defined]
+        first: IntArray = self._first_unknown[rows[::3] // 3]  # type: ignore[attr-defined]
+        return ContactSystem(rows, (first[:, None] + np.arange(3)).ravel(), own)
+
+    @staticmethod
+    def build(
+        mesh: TissueMesh, materials: "Sequence[Material]", *, nodes: IntArray | None = None,
+        linear: "LinearSolver | None" = None, chunk: int = 96,
+    ) -> "ElasticPrior":
+        """Factorize the rest-state stiffness and solve for every contact node.
+
+        Args:
+            mesh: the mesh.
+            materials: one for each tissue.
+            nodes: contact nodes to prepare, shape (c,); by default `probed_nodes`.
+            linear: sparse direct solver.
+            chunk: right-hand sides at a time.
+
+        Raises:
+            InputError: a node is fixed or rigid, or there is none.
+        """
+        from mixpinn.base.progress import track
+        from mixpinn.fem import ElasticSystem, default_solver
+
+        nodes = probed_nodes(mesh) if nodes is None else np.unique(nodes)
+        if not len(nodes) or (mesh.part[nodes] > 0).any() or mesh.fixed[nodes].any():
+            raise InputError(
+                "contact nodes", expected="free soft nodes of the mesh", got="none, or fixed or rigid ones",
+                fix="choose nodes of the probed skin",
+            )
+        system = ElasticSystem(mesh, materials)
+        linear = linear or default_solver()
+        linear.factorize(system.tangent(system.rest_state(), project=True))
+        unknowns = system.node_dofs(nodes).ravel()
+        compliance = np.empty((len(unknowns), system.n_dofs), dtype=np.float32)
+        for start in track(range(0, len(unknowns), chunk), "elastic prior"):
+            columns = unknowns[start : start + chunk]
+            forces = np.zeros((system.n_dofs, len(columns)))
+            forces[columns, np.arange(len(columns))] = 1.0
+            compliance[start : start + len(columns)] = linear.solve(forces).T
+        return ElasticPrior(mesh, nodes, compliance)
+
+    def respond(self, nodes: AnyArray, displacement: AnyArray) -> tuple[FloatArray, FloatArray]:
+        """The reduced unknowns and the contact forces that go with imposed displacements.
+
+        Args:
+            nodes: contact nodes, distinct, shape (l,).
+            displacement: of each [mm], shape (l, 3).
+
+        Returns:
+            Unknowns, shape (n_dofs,) [mm, rad], and forces on the nodes, shape (l, 3) [N].
+
+        Raises:
+            InputError: a node that the prior was not prepared for.
+        """
+        contact = self.hold(nodes)
+        force = contact.solve(np.asarray(displacement).ravel())
+        return self.respond_to_forces(contact, force).astype(np.float64), force.reshape(-1, 3)
+
+    def respond_to_forces(self, contact: ContactSystem, force: AnyArray) -> Float32Array:
+        """The reduced unknowns [mm, rad], shape (D,), under forces [N], shape (3 l,), on contact nodes."""
+        unknowns = np.zeros(self.compliance.shape[1], dtype=np.float32)
+        combine_rows(self.compliance, contact.rows, np.asarray(force, dtype=np.float32).ravel(), unknowns)
+        return unknowns
+
+    def _rows(self, nodes: AnyArray) -> IntArray:
+        """Rows of the compliance that belong to contact nodes, shape (3 l,)."""
+        index = np.minimum(np.searchsorted(self.nodes, nodes), len(self.nodes) - 1)
+        if (self.nodes[index] != nodes).any():
+            unknown = int(np.asarray(nodes)[self.nodes[index] != nodes][0])
+            raise InputError(
+                "contact nodes", expected="nodes of the probed skin", got=f"node {unknown}",
+                fix="build the prior with a larger set of nodes",
+            )
+        rows: IntArray = (3 * index[:, None] + np.arange(3)).ravel()
+        return rows
+
+    def expand(self, unknowns: AnyArray) -> Float32Array:
+        """Displacement of every mesh node [mm], float32, shape (n, 3), for unknowns (D,), with finite rotations."""
+        return self.coordinates.expand(unknowns)
+
+    def predict(self, contact_displacement: AnyArray) -> Float32Array:
+        """Displacement of every node [mm], shape (n, 3), from that of the contact nodes, zero elsewhere (n, 3)."""
+        nodes = contact_nodes(contact_displacement)
+        if not len(nodes):
+            return np.zeros((self.mesh.n_points, 3), dtype=np.float32)
+        unknowns, _ = self.respond(nodes, contact_displacement[nodes])
+        return self.expand(unknowns)
+
+    def save(self, folder: Path | str, *, tolerance: float = 0.0) -> None:
+        """Write the compliance (.npy, mapped into memory when read) and what it belongs to.
+
+        Args:
+            folder: where to.
+            tolerance: with a positive one, C is written as a product of two smaller matrices that differs from it by
+                at most this share, in the Frobenius norm; the contact nodes' own block stays exact. Such a prior is
+                multiplied out when it is read.
+        """
+        folder = Path(folder)
+        arrays = {_COMPLIANCE: self.compliance} if tolerance <= 0.0 else self._factors(tolerance)
+        for name, array in arrays.items():
+            with atomic_path(folder / name) as temporary:
+                np.save(temporary, array, allow_pickle=False)
+        write_json(folder / _ABOUT, {
+            "mesh_hash": self.mesh.hash(), "nodes": self.nodes, "name": self.name, "tolerance": max(tolerance, 0.0),
+        })
+
+    def _factors(self, tolerance: float) -> dict[str, Float32Array]:
+        """C ≈ V_r (V_rᵀ C) with the r leading left singular vectors V_r, and the exact own block."""
+        dense = np.asarray(self.compliance, dtype=np.float64)
+        squared, vectors = np.linalg.eigh(dense @ dense.T)
+        discarded = np.sqrt(np.maximum(np.cumsum(squared), 0.0) / squared.sum())
+        left = vectors[:, int(np.searchsorted(discarded, tolerance, side="right")):]
+        return {
+            _LEFT: left.astype(np.float32), _RIGHT: (left.T @ dense).astype(np.float32),
+            _OWN: dense[:, self._own_unknowns()].astype(np.float32),
+        }
+
+    def _own_unknowns(self) -> IntArray:
+        """The reduced unknowns that are displacements of the contact nodes, shape (3 c,)."""
+        first: IntArray = self._first_unknown  # type: ignore[attr-defined]
+        return (first[:, None] + np.arange(3)).ravel()
+
+    @staticmethod
+    def load(folder: Path | str, mesh: TissueMesh) -> "ElasticPrior":
+        """Read what `save` wrote; the compliance stays on disk until it is used.
+
+        Raises:
+            InputError: absent, damaged, or of another mesh.
+        """
+        folder = Path(folder)
+        about = read_json(folder / _ABOUT)
+        if about["mesh_hash"] != mesh.hash():
+            raise InputError(
+                str(folder), expected=f"a prior of mesh {mesh.hash()}", got=f"one of mesh {about['mesh_hash']}",
+                fix="build the prior for this mesh",
+            )
+        nodes = np.array(about["nodes"], dtype=np.int64)
+        try:
+            if about.get("tolerance", 0.0) > 0.0:
+                left, right, own = (np.load(folder / name, allow_pickle=False) for name in (_LEFT, _RIGHT, _OWN))
+                compliance = left @ right
+                first = 3 * np.searchsorted(ReducedCoordinates(mesh).free, nodes)
+                compliance[:, (first[:, None] + np.arange(3)).ravel()] = own
+            else:
+                compliance = np.load(folder / _COMPLIANCE, mmap_mode="r", allow_pickle=False)
+        except (OSError, ValueError) as error:
+            raise InputError(
+                str(folder / _COMPLIANCE), expected="a compliance matrix", got=str(error), fix="build the prior again",
+            ) from error
+        return ElasticPrior(mesh, nodes, compliance, about["name"])

@@ -1,0 +1,116 @@
+"""The hybrid stage: simulations in, a predictor bundle with prior, correction and calibration out."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from mixpinn.base.files import hash_arrays
+from mixpinn.base.rundir import finish_run, is_finished, start_run
+from mixpinn.dataset import SimulationStore, Split
+from mixpinn.fem import ContactConfig
+from mixpinn.networks import MESH_FILE
+from mixpinn.press.contact import PriorContact
+from mixpinn.press.files import save_pose_model
+from mixpinn.press.fit import collect, fit_pose
+from mixpinn.press.model import PoseModel
+from mixpinn.press.records import PoseContactConfig, ProbeGeometry
+from mixpinn.records import Probe, SampleTable
+from mixpinn.reduced.fit import HybridConfig, fit_hybrid
+from mixpinn.reduced.hybrid import HYBRID_FILE, HybridModel
+from mixpinn.reduced.prior import ElasticPrior
+from mixpinn.stages.evaluation import build_prior
+from mixpinn.stages.simulation import SimulationConfig, TissueConfig, mesh_materials
+from mixpinn.stages.training import choose_samples
+
+SPLIT_FILE, PROBE_FILE = "split.json", "probe.stl"
+
+
+@dataclass(frozen=True)
+class HybridStageConfig:
+    """What the hybrid model is made from.
+
+    Attributes:
+        tissue: of all soft tissue that `tissues` does not name: what the simulations were made with.
+        tissues: by name of the mesh's tissue.
+        hybrid: modes, features and regression.
+        contact: gap and friction of the simulations, for predictions from the pose alone.
+        pose: also prepare predictions from the probe's pose, where the store tells the probe.
+        pose_samples: training samples, spread evenly, that contact from the pose learns from.
+    """
+
+    tissue: TissueConfig = field(default_factory=TissueConfig)
+    tissues: dict[str, TissueConfig] = field(default_factory=dict)
+    hybrid: HybridConfig = field(default_factory=HybridConfig)
+    contact: ContactConfig = field(default_factory=ContactConfig)
+    pose: bool = True
+    pose_samples: int = 2400
+
+    @staticmethod
+    def of_simulation(
+        simulation: SimulationConfig, hybrid: HybridConfig, *, pose: bool = True,
+    ) -> "HybridStageConfig":
+        """For simulations made with `simulation`."""
+        return HybridStageConfig(simulation.tissue, simulation.tissues, hybrid, simulation.contact, pose)
+
+
+def make_hybrid(
+    store: SimulationStore, table: SampleTable, split: Split, config: HybridStageConfig, *, out: Path | str,
+    held_out: str | None = None,
+) -> HybridModel:
+    """Fit the hybrid model on the training positions and calibrate it on the validation positions.
+
+    Args:
+        store: the simulations.
+        table: their samples.
+        split: of the positions.
+        config: tissue and regression.
+        out: run directory: the predictor bundle; a finished one is loaded.
+        held_out: a hold-out by name whose samples neither fit nor calibration sees.
+
+    Raises:
+        InputError: `out` holds another run.
+    """
+    out, mesh = Path(out), store.mesh()
+    samples = choose_samples(table, split, held_out)
+    begun = start_run(
+        out, "hybrid", config, seed=config.hybrid.seed, inputs={"store": store.folder / "store.json"},
+        input_hashes={"mesh": mesh.hash(), "samples": hash_arrays(samples.train, samples.validation)},
+    )
+    if begun and is_finished(out) and (out / HYBRID_FILE).is_file():
+        return HybridModel.load(out, mesh)
+    prior: ElasticPrior = build_prior(mesh, config.tissues, config.tissue, table)
+    model = fit_hybrid(
+        prior, mesh_materials(mesh, config.tissues, config.tissue), table.select(samples.train),
+        table.select(samples.validation), config.hybrid,
+    )
+    split.save(out / SPLIT_FILE)
+    save_bundle(model, out, tolerance=config.hybrid.compress)
+    probe = store.folder / PROBE_FILE
+    if config.pose and probe.is_file() and len(samples.validation):
+        some = samples.train[:: max(1, len(samples.train) // config.pose_samples)]
+        few = samples.validation[:: max(1, 3 * len(samples.validation) // config.pose_samples)]
+        save_pose_model(
+            fit_pose_model(model, Probe.load(probe), config.contact, table.select(some), table.select(few)), out,
+        )
+    finish_run(out, {"model": model.about})
+    return model
+
+
+def plain_pose_model(model: HybridModel, probe: Probe, contact: ContactConfig) -> PoseModel:
+    """Contact from the pose of `probe` on the model's prior, with nothing learned about it."""
+    config = PoseContactConfig(gap=contact.gap, friction=contact.friction)
+    geometry = ProbeGeometry.of_probe(probe, spacing=config.spacing)
+    return PoseModel(model, PriorContact.of_prior(model.prior, config), (geometry,))
+
+
+def fit_pose_model(
+    model: HybridModel, probe: Probe, contact: ContactConfig, train: SampleTable, validation: SampleTable,
+) -> PoseModel:
+    """Contact from the pose with what `train` teaches about it; the correction's size is chosen on `validation`."""
+    plain = plain_pose_model(model, probe, contact)
+    return fit_pose(plain, collect(plain, train), collect(plain, validation))
+
+
+def save_bundle(model: HybridModel, out: Path, *, tolerance: float = 0.0) -> None:
+    """Write all that `mixpinn.serving` needs: the mesh, the prior, the correction and its calibration."""
+    model.mesh.save(out / MESH_FILE)
+    model.save(out, tolerance=tolerance)

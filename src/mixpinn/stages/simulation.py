@@ -1,0 +1,203 @@
+"""The simulation stage: a mesh and a protocol in, a store of simulated poses out."""
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Literal
+
+from mixpinn.base.arrays import FloatArray
+from mixpinn.base.errors import InputError
+from mixpinn.base.progress import console
+from mixpinn.base.rundir import finish_run, start_run
+from mixpinn.dataset import (
+    ANATOMY,
+    GenerationSummary,
+    Pose,
+    Protocol,
+    SimulationStore,
+    generate,
+    grid_positions,
+    plan_poses,
+    read_positions,
+    save_pose_map,
+    scene_identity,
+)
+from mixpinn.fem import (
+    ContactConfig,
+    LinearElastic,
+    Material,
+    Scene,
+    SolverConfig,
+    StableNeoHookean,
+    StableNeoHookeanLog,
+)
+from mixpinn.geometry.probe_shapes import linear_probe
+from mixpinn.records import Probe, TissueMesh
+
+STORE = "store"
+
+
+_LAWS: dict[str, type[StableNeoHookean | StableNeoHookeanLog | LinearElastic]] = {
+    "stable": StableNeoHookean, "stable-log": StableNeoHookeanLog, "linear": LinearElastic,
+}
+
+
+@dataclass(frozen=True)
+class TissueConfig:
+    """A soft tissue.
+
+    Attributes:
+        young: Young's modulus E [kPa].
+        poisson: Poisson's ratio ν.
+        mu, lam: Lamé constants [kPa]; given both, they are used instead of E and ν.
+        energy: Stable Neo-Hookean without (``stable``) or with (``stable-log``) the log term, or ``linear``.
+    """
+
+    young: float = 25.4
+    poisson: float = 0.45
+    mu: float | None = None
+    lam: float | None = None
+    energy: Literal["stable", "stable-log", "linear"] = "stable"
+
+    def material(self) -> Material:
+        """The constitutive law, in N/mm².
+
+        Raises:
+            InputError: constants of no stable material.
+        """
+        law = _LAWS[self.energy]
+        if (self.mu is None) != (self.lam is None):
+            raise InputError("tissue", expected="both mu and lam, or neither", got="one of them", fix="give the other")
+        if self.mu is not None and self.lam is not None:
+            return law(mu=self.mu * 1e-3, lam=self.lam * 1e-3)
+        return law.from_young(self.young * 1e-3, self.poisson)
+
+
+PAPER_TISSUE_CONFIG = TissueConfig(mu=8.758621, lam=84.666667)
+"""The constants with which the paper's fields were made."""
+
+
+@dataclass(frozen=True)
+class SimulationConfig:
+    """What is simulated.
+
+    Attributes:
+        tissue: of all soft tissue that `tissues` does not name.
+        tissues: by name of the mesh's tissue.
+        probe: surface file (.stl, .ply, .vtp, .obj) with its tip at the origin, pointing to −y; None for the built-in
+            linear probe.
+        protocol: rotations, depths and path.
+        positions: file with one probe position ``x y z`` [mm] a line; None for a grid over the rigid parts.
+        contact: gap, friction and stiffness.
+        solver: tolerance and limits.
+        workers: processes; 0 takes every core.
+    """
+
+    tissue: TissueConfig = field(default_factory=TissueConfig)
+    tissues: dict[str, TissueConfig] = field(default_factory=dict)
+    probe: str | None = None
+    protocol: Protocol = ANATOMY
+    positions: str | None = None
+    contact: ContactConfig = field(default_factory=ContactConfig)
+    solver: SolverConfig = field(default_factory=lambda: SolverConfig(threads=1))
+    workers: int = 0
+
+    def __post_init__(self) -> None:
+        if self.workers < 0:
+            raise InputError(
+                "workers", expected="0 for every core, or more", got=str(self.workers), fix="correct the setting",
+            )
+
+
+def mesh_materials(mesh: TissueMesh, tissues: Mapping[str, TissueConfig], default: TissueConfig) -> Sequence[Material]:
+    """The material of each tissue of the mesh."""
+    return [tissues.get(name, default).material() for name in mesh.tissue_names]
+
+
+def make_scene(mesh: TissueMesh, config: SimulationConfig) -> Scene:
+    """The scene of `config` on `mesh`.
+
+    Raises:
+        InputError: a tissue that the mesh does not have, or an unreadable probe.
+    """
+    unknown = sorted(set(config.tissues) - set(mesh.tissue_names))
+    if unknown:
+        raise InputError(
+            f"tissue {unknown[0]!r}", expected="one of " + ", ".join(mesh.tissue_names), got="another name",
+            fix="name a tissue of the mesh",
+        )
+    materials = tuple(mesh_materials(mesh, config.tissues, config.tissue))
+    probe = linear_probe() if config.probe is None else Probe.load(config.probe)
+    return Scene(mesh, probe, materials, config.contact, config.solver)
+
+
+def plan(mesh: TissueMesh, config: SimulationConfig, probe: Probe) -> tuple[FloatArray, tuple[Pose, ...]]:
+    """Listed probe positions [mm], shape (p, 3), and the poses of the protocol at them.
+
+    Raises:
+        InputError: unreadable positions, or no skin in the probe's way.
+    """
+    positions = grid_positions(mesh, config.protocol) if config.positions is None else read_positions(config.positions)
+    return positions, plan_poses(positions, config.protocol, mesh=mesh, probe=probe, gap=config.contact.gap)
+
+
+def begin_simulations(mesh: TissueMesh, config: SimulationConfig, *, out: Path) -> tuple[Scene, SimulationStore]:
+    """Open the run directory `out`: the scene, and the store that its poses go to.
+
+    Raises:
+        InputError: bad settings, or `out` holds another run.
+    """
+    scene = make_scene(mesh, config)
+    inputs = {name: path for name, path in (("probe", config.probe), ("positions", config.positions)) if path}
+    settings = asdict(config)
+    del settings["workers"]  # decides when, not what
+
+    def start() -> None:
+        start_run(out, "simulate", settings, inputs=inputs, input_hashes={"mesh": mesh.hash()})
+
+    if (out / STORE / "store.json").exists():
+        start()
+        store = SimulationStore.open(out / STORE, mesh=mesh)
+    else:
+        # Planned first, so that bad positions leave nothing behind.
+        positions, poses = plan(mesh, config, scene.probe)
+        start()
+        scene.probe.save(out / STORE / "probe.stl")
+        store = SimulationStore.create(
+            out / STORE, mesh, protocol=config.protocol, positions=positions, poses=poses, scene=scene_identity(scene),
+        )
+    return scene, store
+
+
+def make_simulations(
+    mesh: TissueMesh, config: SimulationConfig, *, out: Path | str, scheduler: str | None = None,
+) -> tuple[SimulationStore, GenerationSummary]:
+    """Simulate every pose of the protocol into the run directory `out`; finished poses are kept.
+
+    Args:
+        mesh: the mesh.
+        config: what is simulated.
+        out: run directory: ``store/``, ``summary.json``, ``poses.png``.
+        scheduler: address of a Dask scheduler whose workers are used instead of this machine's cores.
+
+    Raises:
+        InputError: bad settings, a probe that starts inside the body, or `out` holds another run.
+    """
+    out = Path(out)
+    scene, store = begin_simulations(mesh, config, out=out)
+    summary = generate(
+        scene, store.poses, store, workers=config.workers or os.cpu_count() or 1, threads=scene.solver.threads or 1,
+        scheduler=scheduler,
+    )
+    summary.save(out / "summary.json")
+    if not summary.done:
+        raise InputError(
+            str(out), expected="at least one pose that can be simulated",
+            got=f"{summary.failed} failures, the first: {next(iter(summary.reasons), 'unknown')}",
+            fix="correct the settings and simulate into another folder",
+        )
+    save_pose_map(store, out / "poses.png")
+    finish_run(out, summary.totals())
+    console.print(summary.markdown())
+    return store, summary

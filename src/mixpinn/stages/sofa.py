@@ -1,0 +1,81 @@
+"""Scenes to SOFA and recordings from SOFA, as run directories like those of our own simulations."""
+
+from pathlib import Path
+
+import numpy as np
+
+from mixpinn.base.errors import InputError
+from mixpinn.base.rundir import finish_run, is_finished, start_run
+from mixpinn.dataset import SOFA_REPLAY, Pose, SimulationStore, probe_path, read_positions, summarize
+from mixpinn.interop import SofaSettings, export_sofa_scene, import_sofa
+from mixpinn.records import TissueMesh
+from mixpinn.stages.simulation import STORE, SimulationConfig, make_scene, plan
+
+
+def export_sofa(mesh: TissueMesh, config: SimulationConfig, *, out: Path | str) -> Path:
+    """Write the scene that `make_simulations` would simulate as a SOFA scene with a recorder.
+
+    Returns:
+        Path of ``scene.py``.
+
+    Raises:
+        InputError: a tissue that SOFA's Stable Neo-Hookean does not describe.
+    """
+    scene = make_scene(mesh, config)
+    tissues = [config.tissues.get(name, config.tissue) for name in mesh.tissue_names]
+    if any(tissue.energy != "stable" for tissue in tissues):
+        raise InputError(
+            "tissue", expected="the energy 'stable', which SOFA implements", got="another one", fix="change the energy",
+        )
+    constants = [(tissue.material().mu, tissue.material().lam) for tissue in tissues]  # type: ignore[attr-defined]
+    _, poses = plan(mesh, config, scene.probe)
+    return export_sofa_scene(
+        out, mesh, scene.probe,
+        {(p.position_index, p.rotation_deg): probe_path(p.position, p.rotation_deg, config.protocol) for p in poses},
+        settings=SofaSettings(
+            mu=tuple(mu for mu, _ in constants), lam=tuple(lam for _, lam in constants), gap=config.contact.gap,
+            alarm=config.contact.alarm, friction=config.contact.friction,
+        ),
+    )
+
+
+def import_sofa_recordings(
+    folder: Path | str, mesh: TissueMesh, *, positions: Path | str, out: Path | str,
+) -> SimulationStore:
+    """Turn a folder of SOFA recordings into a store that training and evaluation read like our own.
+
+    Args:
+        folder: recordings ``pose_PPP_RRR.npz``.
+        mesh: the mesh that they were made on.
+        positions: file of the listed probe positions.
+        out: run directory.
+
+    Raises:
+        InputError: a recording that does not fit the mesh or the positions, or `out` holds another run.
+    """
+    out, listed = Path(out), read_positions(positions)
+    start_run(
+        out, "import sofa", {"source": str(folder)}, inputs={"positions": positions, "recordings": folder},
+        input_hashes={"mesh": mesh.hash()},
+    )
+    if is_finished(out):
+        return SimulationStore.open(out / STORE, mesh=mesh)
+    simulations = {(s.position_index, s.rotation_deg): s for s in import_sofa(folder, mesh)}
+    highest = max(index for index, _ in simulations)
+    if highest >= len(listed):
+        raise InputError(
+            str(positions), expected=f"the {highest + 1} or more positions of the recordings", got=f"{len(listed)}",
+            fix="give the list that the recordings were made with",
+        )
+    poses = {
+        key: Pose(key[0], tuple(float(x) for x in listed[key[0]]), key[1])  # type: ignore[arg-type]
+        for key in sorted(simulations)
+    }
+    store = SimulationStore.create(
+        out / STORE, mesh, protocol=SOFA_REPLAY, positions=np.asarray(listed), poses=tuple(poses.values()),
+        scene={"simulator": "SOFA"},
+    )
+    for key, pose in poses.items():
+        store.save(pose, simulations[key])
+    finish_run(out, summarize(store, cells=False).totals())
+    return store

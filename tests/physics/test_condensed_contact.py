@@ -1,0 +1,62 @@
+"""The condensed contact problem, against its closed forms."""
+
+import numpy as np
+import pytest
+
+from mixpinn.fem.solve.quasi_newton import UpdatedInverse
+from mixpinn.physics.condensed_contact import solve_condensed
+
+
+def spd(n: int, seed: int) -> np.ndarray:
+    root = np.random.default_rng(seed).normal(size=(n, n))
+    return root @ root.T + n * np.eye(n)
+
+
+def wall(stiffness: float):
+    """One-sided springs that act where y > 0, on all unknowns."""
+    def law(y: np.ndarray, exact: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        on = np.flatnonzero(y > 0.0)
+        return stiffness * np.maximum(y, 0.0), stiffness * np.eye(len(on)), on
+    return law
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_one_sided_springs_satisfy_their_complementarity(seed: int) -> None:
+    compliance, free = np.linalg.inv(spd(12, seed)), np.random.default_rng(seed).normal(size=12)
+    found = solve_condensed(compliance, free, wall(1e8), start=np.zeros(12), largest_move=10.0)
+    assert found.converged
+    np.testing.assert_allclose(found.increment, free - compliance @ found.force, atol=1e-8)  # tolerance · |λ|
+    # In the limit of stiff springs: y ≤ 0, λ ≥ 0, y λ = 0; springs of 1e8 under forces below 1e3 leave 1e-5.
+    assert found.increment.max() <= 1e-5
+    assert (found.force >= 0.0).all()
+    assert np.abs(found.increment * found.force).max() <= 1e-2
+
+
+def test_without_contact_the_body_goes_free() -> None:
+    free = np.array([-1.0, -2.0])
+    found = solve_condensed(np.eye(2), free, wall(1.0), start=np.array([0.3, 0.0]), largest_move=0.1)
+    assert found.converged
+    np.testing.assert_allclose(found.increment, free, atol=1e-9)
+
+
+def test_a_law_without_solution_is_reported() -> None:
+    def law(y: np.ndarray, exact: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        return np.full(1, 1.0 if y[0] > 0.0 else -1.0), np.zeros((1, 1)), np.array([0])  # y = −sign(y) · 1 … jumps
+    assert not solve_condensed(np.eye(1), np.zeros(1), law, start=np.zeros(1), largest_move=1.0).converged
+
+
+def test_bfgs_learns_the_matrix_and_its_compliance() -> None:
+    matrix, guess, kept = spd(10, 1), spd(10, 2), np.array([0, 3, 7])
+    inverse = np.linalg.inv(guess)
+    learnt = UpdatedInverse(lambda v: inverse @ v, inverse[np.ix_(kept, kept)], kept)
+    rng = np.random.default_rng(3)
+    for _ in range(4):
+        step = rng.normal(size=10)
+        learnt.update(step, matrix @ step, guess @ step)
+        np.testing.assert_allclose(learnt.apply(matrix @ step), step, atol=1e-10)  # the secant condition
+        dense = np.stack([learnt.apply(unit) for unit in np.eye(10)])
+        np.testing.assert_allclose(dense, dense.T, atol=1e-10)
+        np.testing.assert_allclose(learnt.compliance, dense[np.ix_(kept, kept)], atol=1e-10)
+    assert len(learnt) == 4
+    learnt.update(rng.normal(size=10), np.zeros(10), np.ones(10))
+    assert len(learnt) == 4

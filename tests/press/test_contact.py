@@ -1,0 +1,166 @@
+"""Contact from the pose: balance, friction, independence of order, several probes, and the full contact simulation."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from mixpinn.base.errors import InputError
+from mixpinn.fem import PoseSimulator, Scene, SuperLUSolver
+from mixpinn.geometry.probe_shapes import linear_probe, spherical_probe
+from mixpinn.geometry.proximity import proximity
+from mixpinn.press.contact import PriorContact
+from mixpinn.press.records import PoseContactConfig, ProbeGeometry
+from mixpinn.records import ProbePath
+from mixpinn.reduced.prior import ElasticPrior
+from reduced.pressed_block import TISSUE, top_nodes
+from training.toy_block import block_mesh
+
+UP = 40.0
+"""Height of the block's top [mm]."""
+
+
+@pytest.fixture(scope="module")
+def mesh():
+    return block_mesh()
+
+
+@pytest.fixture(scope="module")
+def prior(mesh):
+    return ElasticPrior.build(mesh, [TISSUE], nodes=top_nodes(mesh), linear=SuperLUSolver())
+
+
+@pytest.fixture(scope="module")
+def ball():
+    return ProbeGeometry.of_probe(spherical_probe(radius=12.0, subdivisions=3))
+
+
+def pose(x=18.0, z=22.0, depth=3.0, turn=0.0):
+    """Rotation and tip of one probe whose gap of 2 mm reaches `depth` into the undeformed block."""
+    cosine, sine = np.cos(turn), np.sin(turn)
+    rotation = np.array([[[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]]])
+    return rotation, np.array([[x, UP + 2.0 - depth, z]])
+
+
+def test_forces_balance_the_linear_body_and_the_probe(prior, ball) -> None:
+    found = PriorContact.of_prior(prior).solve([ball], *pose())
+    assert found.converged
+    held = prior.hold(found.nodes)
+    expected = held.solve(found.displacement.ravel())
+    assert_allclose(expected, found.forces.ravel(), atol=1e-3 * np.abs(found.forces).max())
+    assert_allclose(found.wrench[0, :3], -found.forces.sum(axis=0), atol=1e-9)
+    assert found.wrench[0, 1] > 1.0  # the tissue pushes the probe back up
+
+
+def test_the_skin_keeps_the_gap_and_nothing_pulls(mesh, prior, ball) -> None:
+    rotation, tip = pose(depth=4.0)
+    found = PriorContact.of_prior(prior, PoseContactConfig(stiffness=500.0)).solve([ball], rotation, tip)
+    top = prior.nodes
+    x = mesh.points.copy()
+    x[top] += (prior.own_compliance @ -found.history.force.ravel()).reshape(-1, 3)
+    skin = Scene(mesh, spherical_probe(), (TISSUE,)).contact_model().skin
+    near = proximity(ball.samples + tip, skin.vertices(x), skin.surface, cutoff=4.0)
+    # Normals are those of the round before, so that the gap holds up to a part of how far they turned.
+    assert near.distance.min() > 1.7
+    assert (found.forces[:, 1] < 1e-9).all()
+
+
+def test_nothing_touches_above_the_gap(prior, ball) -> None:
+    found = PriorContact.of_prior(prior).solve([ball], *pose(depth=-0.1))
+    assert not len(found.nodes)
+    assert not found.wrench.any()
+    assert found.converged
+
+
+def test_answers_do_not_depend_on_what_was_asked_before(prior, ball) -> None:
+    contact = PriorContact.of_prior(prior)
+    poses = [pose(x=12.0 + 2.0 * i, depth=1.0 + i % 3) for i in range(6)]
+    forwards = [contact.solve([ball], *place).wrench for place in poses]
+    backwards = [contact.solve([ball], *place).wrench for place in poses[::-1]][::-1]
+    assert_array_equal(forwards, backwards)
+
+
+def test_force_grows_with_depth(prior, ball) -> None:
+    contact = PriorContact.of_prior(prior)
+    push = [contact.solve([ball], *pose(depth=depth)).wrench[0, 1] for depth in np.arange(0.5, 8.0, 0.5)]
+    assert (np.diff(push) > 0.0).all()
+
+
+def test_history_remembers_where_the_probe_stuck(prior, ball) -> None:
+    contact = PriorContact.of_prior(prior)
+    first = contact.solve([ball], *pose())
+    same = contact.solve([ball], *pose(), history=first.history)
+    assert_allclose(same.wrench, first.wrench, rtol=0.02, atol=0.02)
+    moved = contact.solve([ball], *pose(x=18.4), history=first.history)
+    fresh = contact.solve([ball], *pose(x=18.4))
+    # Dragged towards +x, the tissue pulls the probe back.
+    assert moved.wrench[0, 0] < fresh.wrench[0, 0] - 0.05
+    smooth = PriorContact.of_prior(prior, PoseContactConfig(friction=0.0))
+    start = smooth.solve([ball], *pose())
+    dragged = smooth.solve([ball], *pose(x=18.4), history=start.history)
+    assert abs(dragged.wrench[0, 0] - smooth.solve([ball], *pose(x=18.4)).wrench[0, 0]) < 0.02
+
+
+def test_friction_stays_within_its_cone(prior, ball) -> None:
+    contact = PriorContact.of_prior(prior, PoseContactConfig(friction=0.2))
+    history = contact.solve([ball], *pose(depth=2.0)).history
+    for x in np.linspace(18.0, 22.0, 9):
+        found = contact.solve([ball], *pose(x=x, depth=2.0), history=history)
+        history = found.history
+    # The ball has long slid. Its normals lean, so that the cone is a little wider than μ; all of it slides.
+    assert found.sliding[0] > 0.9
+    assert np.hypot(*found.wrench[0, [0, 2]]) < 0.6 * found.wrench[0, 1]
+
+
+def test_several_probes_press_together(prior, ball) -> None:
+    contact = PriorContact.of_prior(prior)
+    first, second = pose(x=8.0, z=8.0, depth=2.0), pose(x=32.0, z=32.0, depth=3.0)
+    both = contact.solve([ball, ball], np.concatenate([first[0], second[0]]), np.concatenate([first[1], second[1]]))
+    swapped = contact.solve([ball, ball], np.concatenate([second[0], first[0]]), np.concatenate([second[1], first[1]]))
+    assert both.converged
+    assert_allclose(both.wrench, swapped.wrench[::-1], rtol=1e-2)
+    assert_allclose(both.wrench[:, :3].sum(axis=0), -both.forces.sum(axis=0), atol=1e-9)
+    assert_allclose(both.shares.sum(axis=0), both.forces, atol=1e-9)
+    alone = contact.solve([ball], *second)
+    # The other probe pulls the skin down beside this one: it meets a little less of it.
+    assert 0.7 * alone.wrench[0, 1] < both.wrench[1, 1] < alone.wrench[0, 1]
+
+
+def test_a_turned_scene_gives_the_turned_answer(mesh, prior, ball) -> None:
+    """A probe that comes down at an angle pushes along its own axis."""
+    rotation, tip = pose(depth=3.0, turn=0.3)
+    found = PriorContact.of_prior(prior).solve([ball], rotation, tip)
+    axis = rotation[0] @ [0.0, -1.0, 0.0]
+    assert found.wrench[0, :3] @ axis < 0.0
+    sideways = found.wrench[0, 0] / found.wrench[0, 1]
+    assert np.sign(sideways) == np.sign(axis[0] / axis[1])
+
+
+@pytest.mark.parametrize("depth", [1.0, 2.0])
+def test_it_meets_the_full_contact_simulation_where_the_body_is_nearly_linear(mesh, prior, depth) -> None:
+    probe = linear_probe(length=22.0, width=14.0, height=20.0, radius=3.0)
+    scene = Scene(mesh, probe, (TISSUE,))
+    steps = np.arange(0.0, depth + 1e-9, 0.5)
+    tips = np.stack([np.full(len(steps), 20.0), UP + 2.0 - steps, np.full(len(steps), 21.0)], axis=1)
+    path = ProbePath(tips, np.tile(np.eye(3), (len(steps), 1, 1)), steps)
+    true = PoseSimulator(scene, linear=SuperLUSolver()).run(path)
+    assert true.converged.all()
+    found = PriorContact.of_prior(prior).solve([ProbeGeometry.of_probe(probe)], np.eye(3)[None], tips[-1:])
+    assert_allclose(found.wrench[0, 1], true.probe_wrench[-1, 1], rtol=0.1)
+    held = prior.hold(found.nodes)
+    field = prior.expand(prior.respond_to_forces(held, found.forces.ravel()))
+    error = np.linalg.norm(field - true.displacement[-1], axis=1).mean()
+    assert error < 0.1 * np.linalg.norm(true.displacement[-1], axis=1).mean()
+
+
+def test_bad_poses_are_refused(prior, ball) -> None:
+    contact = PriorContact.of_prior(prior)
+    rotation, tip = pose()
+    for turns, places in (
+        (rotation, np.array([[np.nan, 0.0, 0.0]])), (2.0 * rotation, tip), (rotation[0], tip), (rotation[:0], tip[:0]),
+        (rotation * [1.0, 1.0, -1.0], tip),
+    ):
+        with pytest.raises(InputError):
+            contact.solve([ball] * len(places), turns, places)
+    with pytest.raises(InputError):
+        contact.solve([ball, ball], np.concatenate([rotation] * 2), np.concatenate([tip] * 2),
+                      history=contact.solve([ball], rotation, tip).history)

@@ -1,0 +1,101 @@
+"""The elastic prior against dense linear algebra, its exact rigidity, and its files."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from mixpinn.base.errors import InputError
+from mixpinn.evaluation import MetricGeometry, rigid_edge_error
+from mixpinn.fem import ElasticSystem, StableNeoHookean, SuperLUSolver
+from mixpinn.reduced.prior import ElasticPrior
+from training.toy_block import block_mesh
+
+TISSUE = StableNeoHookean.from_young(25.4e-3, 0.45)
+
+
+@pytest.fixture(scope="module")
+def mesh():
+    return block_mesh()
+
+
+@pytest.fixture(scope="module")
+def top(mesh):
+    free = (mesh.part == 0) & ~mesh.fixed
+    return np.flatnonzero(free & (mesh.points[:, 1] == mesh.points[free, 1].max()))
+
+
+@pytest.fixture(scope="module")
+def prior(mesh, top):
+    return ElasticPrior.build(mesh, [TISSUE], nodes=top, linear=SuperLUSolver(), chunk=7)
+
+
+def test_imposed_displacement_gives_the_linear_solution(mesh, top, prior) -> None:
+    system = ElasticSystem(mesh, [TISSUE])
+    upper = system.tangent(system.rest_state(), project=False).toarray()
+    stiffness = upper + np.triu(upper, 1).T
+    nodes = top[::2]
+    imposed = np.random.default_rng(1).normal(size=(len(nodes), 3))
+    held = system.node_dofs(nodes).ravel()
+    free = np.setdiff1d(np.arange(system.n_dofs), held)
+    expected = np.zeros(system.n_dofs)
+    expected[held] = imposed.ravel()
+    expected[free] = np.linalg.solve(stiffness[np.ix_(free, free)], -stiffness[np.ix_(free, held)] @ imposed.ravel())
+    unknowns, force = prior.respond(nodes, imposed)
+    # The compliance is stored in single precision.
+    assert_allclose(unknowns, expected, atol=2e-5 * np.abs(expected).max())
+    assert_allclose(force.ravel(), (stiffness @ expected)[held], atol=1e-4 * np.abs(force).max())
+
+
+def test_contact_nodes_get_what_was_imposed_and_others_follow(mesh, top, prior) -> None:
+    contact = np.zeros((mesh.n_points, 3), dtype=np.float32)
+    contact[top[:4], 1] = -0.5
+    field = prior.predict(contact)
+    assert_allclose(field[top[:4]], contact[top[:4]], atol=1e-5)
+    assert not field[mesh.fixed].any()
+    assert np.abs(field[mesh.part > 0]).max() > 0.0
+
+
+def test_rigid_parts_keep_their_edges(mesh, top, prior) -> None:
+    unknowns, _ = prior.respond(top, np.tile([0.8, -3.0, 0.4], (len(top), 1)))
+    unknowns[-3:] += [0.4, -0.3, 0.5]  # a large turn
+    field = prior.expand(unknowns)
+    geometry = MetricGeometry.of(mesh)
+    assert rigid_edge_error(field, mesh.points, geometry.rigid_edges) < 1e-6  # mm; the field is in single precision
+
+
+def test_no_contact_means_no_motion(mesh, prior) -> None:
+    assert not prior.predict(np.zeros((mesh.n_points, 3))).any()
+
+
+def test_nodes_without_a_response_are_refused(mesh, top, prior) -> None:
+    other = np.setdiff1d(np.flatnonzero((mesh.part == 0) & ~mesh.fixed), top)[:1]
+    with pytest.raises(InputError, match=f"got node {other[0]}"):
+        prior.respond(other, np.ones((1, 3)))
+    with pytest.raises(InputError, match="free soft nodes"):
+        ElasticPrior.build(mesh, [TISSUE], nodes=np.flatnonzero(mesh.part > 0)[:1])
+
+
+def test_files_round_trip_and_refuse_another_mesh(tmp_path, mesh, top, prior) -> None:
+    prior.save(tmp_path)
+    contact = np.zeros((mesh.n_points, 3))
+    contact[top, 1] = -1.0
+    assert_allclose(ElasticPrior.load(tmp_path, mesh).predict(contact), prior.predict(contact), atol=0.0)
+    (tmp_path / "compliance.npy").write_bytes((tmp_path / "compliance.npy").read_bytes()[:64])
+    with pytest.raises(InputError, match="build the prior again"):
+        ElasticPrior.load(tmp_path, mesh)
+    about = tmp_path / "prior.json"
+    about.write_text(about.read_text().replace(mesh.hash(), "0" * 16))
+    with pytest.raises(InputError, match="build the prior for this mesh"):
+        ElasticPrior.load(tmp_path, mesh)
+
+
+def test_a_low_rank_prior_keeps_its_stated_error(tmp_path, mesh, top, prior) -> None:
+    prior.save(tmp_path, tolerance=0.05)
+    again = ElasticPrior.load(tmp_path, mesh)
+    error = np.linalg.norm(again.compliance - prior.compliance) / np.linalg.norm(prior.compliance)
+    assert 0.0 < error <= 0.05
+    assert np.load(tmp_path / "left.npy").shape[1] < len(prior.compliance) / 2
+    # Contact nodes are still exactly where they are put.
+    contact = np.zeros((mesh.n_points, 3), dtype=np.float32)
+    contact[top[3:9], 1] = -0.7
+    assert_allclose(again.predict(contact)[top[3:9]], contact[top[3:9]], atol=1e-5)

@@ -1,0 +1,80 @@
+import json
+import math
+from dataclasses import replace
+
+import pytest
+
+from mixpinn.base.config import build_config
+from mixpinn.base.errors import InputError
+from mixpinn.base.rundir import is_finished
+from mixpinn.dataset import PoseState, SimulationStore
+from mixpinn.records import TissueMesh
+from mixpinn.stages.simulation import PAPER_TISSUE_CONFIG, SimulationConfig, TissueConfig, make_scene, make_simulations
+from pipeline.chain import SIMULATION
+
+
+@pytest.fixture
+def mesh(chain):
+    return TissueMesh.load(chain.mesh / "mesh.vtu")
+
+
+@pytest.fixture
+def config():
+    return build_config(SimulationConfig, SIMULATION)
+
+
+@pytest.mark.parametrize("energy", ["stable", "stable-log", "linear"])
+def test_constants_in_newtons_per_square_millimetre(energy):
+    material = TissueConfig(young=25.4, poisson=0.45, energy=energy).material()
+    # λ = E ν / ((1 + ν)(1 − 2 ν)), μ = E / (2 (1 + ν))
+    assert material.mu == pytest.approx(25.4e-3 / 2.9)
+    assert material.lam == pytest.approx(25.4e-3 * 0.45 / (1.45 * 0.1))
+
+
+def test_constants_of_the_papers_fields():
+    material = PAPER_TISSUE_CONFIG.material()
+    assert (material.mu, material.lam) == pytest.approx((8.758621e-3, 84.666667e-3))
+    # PROTOCOL of the paper: the bulk modulus of E = 25.4 kPa, ν = 0.45 stands in the place of λ.
+    assert math.isclose(material.lam, 25.4e-3 / (3.0 * (1.0 - 2.0 * 0.45)), rel_tol=1e-6)
+
+
+def test_tissues_by_name(mesh):
+    config = SimulationConfig(tissues={mesh.tissue_names[0]: TissueConfig(young=10.0)})
+    assert make_scene(mesh, config).materials[0].mu == pytest.approx(10e-3 / 2.9)
+    with pytest.raises(InputError, match="'bone'"):
+        make_scene(mesh, SimulationConfig(tissues={"bone": TissueConfig()}))
+
+
+def test_number_of_workers_does_not_identify_a_run(chain, mesh, config):
+    store, summary = make_simulations(mesh, replace(config, workers=2), out=chain.simulation)
+    assert summary.done == len(store.poses) == 6
+
+
+def test_nothing_is_written_where_no_position_can_be_probed(mesh, config, tmp_path):
+    (tmp_path / "positions.txt").write_text("900 0 0")
+    with pytest.raises(InputError, match="probe position"):
+        make_simulations(mesh, replace(config, positions=str(tmp_path / "positions.txt")), out=tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_reason_is_told_where_every_pose_fails_and_kept_where_some_do(mesh, config, tmp_path):
+    inside = replace(config, protocol=replace(config.protocol, start="listed", approach=0.0, steps=1))
+    back = float(mesh.points[:, 1].max())
+    (tmp_path / "positions.txt").write_text(f"0 {back + 4.0} 0\n0 0 10\n")
+    (tmp_path / "inside.txt").write_text("0 0 10\n")
+    with pytest.raises(InputError, match="outside the body") as caught:
+        make_simulations(mesh, replace(inside, positions=str(tmp_path / "inside.txt")), out=tmp_path / "none")
+    assert "\n" not in str(caught.value)
+    assert not is_finished(tmp_path / "none")
+    store, summary = make_simulations(
+        mesh, replace(inside, positions=str(tmp_path / "positions.txt")), out=tmp_path / "some",
+    )
+    assert (summary.done, summary.failed) == (1, 1)
+    assert [status.state for status in store.statuses()] == [PoseState.DONE, PoseState.FAILED]
+    assert json.loads((tmp_path / "some" / "run.json").read_text())["results"]["failed"] == 1
+
+
+def test_probe_lies_beside_the_simulations(chain, mesh, config):
+    store = SimulationStore.open(chain.simulation / "store", mesh=mesh)
+    assert (store.folder / "probe.stl").is_file()
+    assert store.scene["probe"] == make_scene(mesh, config).probe.hash()
