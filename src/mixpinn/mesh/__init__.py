@@ -10,6 +10,7 @@ from mixpinn.mesh.mesher import PAPER_SIZING, Mesher, Sizing, has_cgal
 from mixpinn.mesh.orientation import check_cells, orient_cells, signed_volumes
 from mixpinn.mesh.picture import draw_mesh
 from mixpinn.mesh.quality import MeshQuality, dihedral_angles, mesh_quality, radius_ratios
+from mixpinn.mesh.refine import refine
 from mixpinn.mesh.statistics import MeshStatistics, PartStatistics, mesh_statistics
 from mixpinn.mesh.surface import DomainSurfaces, Surface
 from mixpinn.mesh.tetwild_mesher import TetwildMesher
@@ -20,5 +21,5 @@ __all__ = [
     "SurfaceConfig", "TetwildMesher", "check_cells", "check_surface", "check_surfaces", "dihedral_angles", "draw_mesh",
     "extract_surfaces", "fixed_nodes", "has_cgal", "import_vtu", "label_mesh", "load_paper_mesh",
     "mesh_fidelity", "mesh_quality", "mesh_statistics", "orient_cells", "part_contacts",
-    "radius_ratios", "self_intersections", "signed_volumes", "voxel_parts",
+    "radius_ratios", "refine", "self_intersections", "signed_volumes", "voxel_parts",
 ]
