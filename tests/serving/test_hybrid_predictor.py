@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from mixpinn.base.errors import InputError
 from mixpinn.fem import SuperLUSolver
-from mixpinn.networks import MESH_FILE
+from mixpinn.records import MESH_FILE
 from mixpinn.reduced.fit import HybridConfig, fit_hybrid
 from mixpinn.reduced.prior import ElasticPrior
 from mixpinn.serving import HybridPredictor, load_predictor

@@ -16,9 +16,9 @@ import torch
 from torch.multiprocessing.spawn import ProcessRaisedException
 
 from mixpinn.base.errors import InputError, MixpinnError, SolveError
-from mixpinn.base.tensor_file import read_tensors
 from mixpinn.graph import Scaling
 from mixpinn.networks import ModelConfig, load_checkpoint, read_description
+from mixpinn.networks.tensor_file import read_tensors
 from mixpinn.records import SampleTable, TissueMesh
 from mixpinn.training import EpochRecord, TrainConfig, TrainingResult, loop, read_history, train
 from mixpinn.training.objective import training_loss

@@ -1,9 +1,7 @@
 """Networks and their losses."""
 
-from mixpinn.base.tensor_file import read_tensors, write_tensors
 from mixpinn.networks.attention import Backend, GraphAttention
 from mixpinn.networks.checkpoint import (
-    MESH_FILE,
     WEIGHTS_FILE,
     describe_training,
     load_checkpoint,
@@ -17,10 +15,11 @@ from mixpinn.networks.fused_attention import fused_attention
 from mixpinn.networks.gat import GATNetwork
 from mixpinn.networks.losses import mean_euclidean_error, rigid_edge_error, rigid_edge_loss
 from mixpinn.networks.physgnn import PhysGNNNetwork
+from mixpinn.networks.tensor_file import read_tensors, write_tensors
 from mixpinn.networks.topology import AttentionTopology, build_topology
 
 __all__ = [
-    "ABLATION", "MESH_FILE", "MIXPINN", "MODELS", "PHYSGNN", "SIMPLE_GAT", "WEIGHTS_FILE", "WIDTHS",
+    "ABLATION", "MIXPINN", "MODELS", "PHYSGNN", "SIMPLE_GAT", "WEIGHTS_FILE", "WIDTHS",
     "AttentionTopology", "Backend", "DisplacementModel", "GATNetwork", "GraphAttention", "ModelConfig",
     "PhysGNNNetwork", "build_graph_for", "build_model", "build_topology", "describe_training", "fused_attention",
     "load_checkpoint", "mean_euclidean_error", "mesh_output", "model_name", "read_description", "read_tensors",

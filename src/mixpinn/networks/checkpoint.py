@@ -10,14 +10,14 @@ from mixpinn.base.config import build_config
 from mixpinn.base.errors import InputError
 from mixpinn.base.files import read_json, write_json
 from mixpinn.base.rundir import versions
-from mixpinn.base.tensor_file import read_tensors, write_tensors
 from mixpinn.graph import MeshGraph
 from mixpinn.networks.config import MODELS, ModelConfig
 from mixpinn.networks.displacement_model import DisplacementModel, build_graph_for, build_model
-from mixpinn.records import TissueMesh
+from mixpinn.networks.tensor_file import read_tensors, write_tensors
+from mixpinn.records import MESH_FILE, TissueMesh
 
 _versions = cache(versions)
-MODEL_FILE, WEIGHTS_FILE, MESH_FILE = "model.json", "weights.safetensors", "mesh.vtu"
+MODEL_FILE, WEIGHTS_FILE = "model.json", "weights.safetensors"
 _FORMAT = 1
 
 

@@ -3,11 +3,8 @@
 from dataclasses import asdict
 from pathlib import Path
 
-import numpy as np
-import torch
-
 from mixpinn.base.errors import InputError
-from mixpinn.base.tensor_file import read_tensors, write_tensors
+from mixpinn.base.tensor_file import read_arrays, write_arrays
 from mixpinn.press.contact import PriorContact
 from mixpinn.press.model import PoseCorrection, PoseModel
 from mixpinn.press.records import PoseContactConfig, ProbeGeometry
@@ -22,14 +19,14 @@ def save_pose_model(model: PoseModel, folder: Path | str) -> None:
 
     The hybrid model is kept by its own `HybridModel.save`.
     """
-    tensors = {}
+    arrays = {}
     for i, probe in enumerate(model.probes):
         for name in ("vertices", "triangles", "samples"):
-            tensors[f"probe{i}.{name}"] = torch.from_numpy(np.ascontiguousarray(getattr(probe, name)))
+            arrays[f"probe{i}.{name}"] = getattr(probe, name)
     if model.correction is not None:
         for name in _CORRECTION:
-            tensors[f"correction.{name}"] = torch.from_numpy(np.ascontiguousarray(getattr(model.correction, name)))
-    write_tensors(Path(folder) / POSE_FILE, tensors, about={
+            arrays[f"correction.{name}"] = getattr(model.correction, name)
+    write_arrays(Path(folder) / POSE_FILE, arrays, about={
         "format": _FORMAT, "mesh_hash": model.hybrid.mesh.hash(), "probes": len(model.probes), "steps": model.steps,
         "contact": asdict(model.contact.config), "corrected": model.correction is not None,
     })
@@ -42,7 +39,7 @@ def load_pose_model(folder: Path | str, hybrid: HybridModel) -> PoseModel:
         InputError: absent, damaged, or of another mesh.
     """
     path = Path(folder) / POSE_FILE
-    tensors, about = read_tensors(path)
+    arrays, about = read_arrays(path)
     try:
         if not isinstance(about, dict) or about["format"] != _FORMAT:
             raise KeyError("format")
@@ -51,7 +48,6 @@ def load_pose_model(folder: Path | str, hybrid: HybridModel) -> PoseModel:
                 str(path), expected=f"a pose model of mesh {hybrid.mesh.hash()}", got=f"one of {about['mesh_hash']}",
                 fix="fit the pose model on this mesh",
             )
-        arrays = {name: tensor.numpy() for name, tensor in tensors.items()}
         probes = tuple(
             ProbeGeometry(*(arrays[f"probe{i}.{name}"] for name in ("vertices", "triangles", "samples")))
             for i in range(int(about["probes"]))

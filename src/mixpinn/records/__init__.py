@@ -6,8 +6,9 @@ from mixpinn.records.prediction import Prediction
 from mixpinn.records.probe import Probe, ProbePath
 from mixpinn.records.samples import Sample, SampleTable
 from mixpinn.records.simulation import Simulation
-from mixpinn.records.tissue_mesh import TissueMesh
+from mixpinn.records.tissue_mesh import MESH_FILE, TissueMesh
 
 __all__ = [
-    "Evaluation", "LabelMap", "Prediction", "Probe", "ProbePath", "Sample", "SampleTable", "Simulation", "TissueMesh",
+    "MESH_FILE", "Evaluation", "LabelMap", "Prediction", "Probe", "ProbePath", "Sample", "SampleTable", "Simulation",
+    "TissueMesh",
 ]

@@ -14,6 +14,9 @@ from mixpinn.base.files import hash_arrays
 from mixpinn.records.label_map import SCANNER_TO_WORLD
 from mixpinn.records.vtk_file import write_vtk
 
+MESH_FILE = "mesh.vtu"
+"""Name of the mesh in every folder that holds one."""
+
 TETRA_FACES = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])
 """Faces of a positively oriented tetrahedron, each opposite its vertex, normals outward."""
 

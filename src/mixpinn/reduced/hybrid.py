@@ -15,12 +15,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
 
 from mixpinn.base.arrays import AnyArray, Float32Array, FloatArray
 from mixpinn.base.errors import InputError
 from mixpinn.base.files import read_json, write_json
-from mixpinn.base.tensor_file import read_tensors, write_tensors
+from mixpinn.base.tensor_file import read_arrays, write_arrays
 from mixpinn.records import TissueMesh
 from mixpinn.reduced.equilibrium import Equilibrium
 from mixpinn.reduced.error_estimate import ErrorEstimate, Signs
@@ -135,11 +134,11 @@ class HybridModel:
         """Write the arrays as safetensors, the prior beside them (see `ElasticPrior.save`), and ``hybrid.json``."""
         folder = Path(folder)
         self.prior.save(folder / _PRIOR, tolerance=tolerance)
-        tensors = {
+        arrays = {
             "modes": self.newton.modes, "duals": self.newton.duals, "coupling": self.newton.coupling,
             "readers": self.readers, "gain": self.gain,
         }
-        write_tensors(folder / _TENSORS, {name: torch.from_numpy(array) for name, array in tensors.items()})
+        write_arrays(folder / _TENSORS, arrays)
         write_json(folder / HYBRID_FILE, {
             "format": _FORMAT, "mesh_hash": self.mesh.hash(), "mu": self.newton.equilibrium.mu,
             "lam": self.newton.equilibrium.lam, "name": self.name, "about": self.about,
@@ -161,7 +160,7 @@ class HybridModel:
                 fix="fit the model again",
             )
         prior = ElasticPrior.load(folder / _PRIOR, mesh)
-        arrays = {name: tensor.numpy() for name, tensor in read_tensors(folder / _TENSORS)[0].items()}
+        arrays, _ = read_arrays(folder / _TENSORS)
         try:
             newton = ModalNewton(
                 prior, Equilibrium(mesh, mu=values["mu"], lam=values["lam"]), arrays["modes"], arrays["duals"],

@@ -11,11 +11,10 @@ from scipy.spatial.transform import Rotation
 
 from mixpinn.base.arrays import AnyArray, Float32Array, FloatArray
 from mixpinn.base.errors import InputError
-from mixpinn.networks import MESH_FILE
-from mixpinn.records import Prediction, TissueMesh
+from mixpinn.records import MESH_FILE, Prediction, TissueMesh
 from mixpinn.reduced.hybrid import POSE_FILE, HybridModel, HybridState
 from mixpinn.reduced.prior import contact_nodes
-from mixpinn.serving.predictor import checked_field, contact_field
+from mixpinn.serving.contact_input import checked_field, contact_field
 
 if TYPE_CHECKING:
     from mixpinn.press.model import PoseModel, PosePrediction

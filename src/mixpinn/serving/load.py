@@ -1,18 +1,25 @@
 """Load whichever kind of predictor a folder holds."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING, Union
 
 from mixpinn.records import TissueMesh
 from mixpinn.reduced.hybrid import HYBRID_FILE
 from mixpinn.serving.hybrid_predictor import HybridPredictor
-from mixpinn.serving.predictor import Predictor
 
-AnyPredictor = Predictor | HybridPredictor
+if TYPE_CHECKING:
+    from mixpinn.serving.predictor import Predictor
+
+AnyPredictor = Union["Predictor", HybridPredictor]
 
 
 def load_predictor(
     folder: Path | str, *, mesh: TissueMesh | None = None, threads: int | None = None, name: str | None = None,
 ) -> AnyPredictor:
     """A trained network or a hybrid model; arguments and errors as `Predictor.load`."""
-    kind = HybridPredictor if (Path(folder) / HYBRID_FILE).is_file() else Predictor
-    return kind.load(folder, mesh=mesh, threads=threads, name=name)
+    if (Path(folder) / HYBRID_FILE).is_file():
+        return HybridPredictor.load(folder, mesh=mesh, threads=threads, name=name)
+    # Imported here: networks need torch.
+    from mixpinn.serving.predictor import Predictor
+
+    return Predictor.load(folder, mesh=mesh, threads=threads, name=name)

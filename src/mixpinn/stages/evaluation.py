@@ -31,7 +31,7 @@ from mixpinn.evaluation import (
 from mixpinn.records import Evaluation, Probe, SampleTable, TissueMesh
 from mixpinn.reduced.newton_steps import NewtonSteps
 from mixpinn.reduced.prior import ElasticPrior, probed_nodes
-from mixpinn.serving import AnyPredictor, load_predictor
+from mixpinn.serving import AnyPredictor, HybridPredictor, Predictor, load_predictor
 from mixpinn.stages.simulation import SimulationConfig, TissueConfig, mesh_materials
 from mixpinn.stages.training import choose_samples
 
@@ -202,7 +202,7 @@ def _load(folder: Path | str, mesh: TissueMesh, threads: int | None) -> AnyPredi
 
 def _shown(candidates: Sequence[DisplacementModel], evaluations: Sequence[Evaluation]) -> int:
     """Index of the trained model with the lowest error; of the last candidate where none was trained."""
-    trained = [i for i, model in enumerate(candidates) if isinstance(model, AnyPredictor)]
+    trained = [i for i, model in enumerate(candidates) if isinstance(model, (Predictor, HybridPredictor))]
     return min(trained, key=lambda i: float(evaluations[i].metrics["mee"].mean()), default=len(candidates) - 1)
 
 

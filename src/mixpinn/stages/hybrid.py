@@ -7,13 +7,12 @@ from mixpinn.base.files import hash_arrays
 from mixpinn.base.rundir import finish_run, is_finished, start_run
 from mixpinn.dataset import SimulationStore, Split
 from mixpinn.fem import ContactConfig
-from mixpinn.networks import MESH_FILE
 from mixpinn.press.contact import PriorContact
 from mixpinn.press.files import save_pose_model
 from mixpinn.press.fit import collect, fit_pose
 from mixpinn.press.model import PoseModel
 from mixpinn.press.records import PoseContactConfig, ProbeGeometry
-from mixpinn.records import Probe, SampleTable
+from mixpinn.records import MESH_FILE, Probe, SampleTable
 from mixpinn.reduced.fit import HybridConfig, fit_hybrid
 from mixpinn.reduced.hybrid import HYBRID_FILE, HybridModel
 from mixpinn.reduced.prior import ElasticPrior

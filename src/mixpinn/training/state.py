@@ -10,7 +10,7 @@ import torch
 from torch import Tensor, nn
 
 from mixpinn.base.errors import InputError
-from mixpinn.base.tensor_file import read_tensors, write_tensors
+from mixpinn.networks.tensor_file import read_tensors, write_tensors
 from mixpinn.training.history import EpochRecord
 
 STATE_FILE = "state.safetensors"
