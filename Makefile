@@ -8,10 +8,13 @@ RUNS ?= runs
 THREADS ?= $(shell nproc 2>/dev/null || echo 2)
 DATA ?= ../shared/data/patient1
 PROBE ?= $(wildcard $(DATA)/paper/probe_collision.stl)
-# The mesher CGAL is licensed under the GPL; EXTRAS=distributed,dev leaves it out, and fTetWild is used.
-EXTRAS ?= cgal,distributed,dev
+# The mesher CGAL is licensed under the GPL; EXTRAS=distributed,dev,docs leaves it out, and fTetWild is used.
+EXTRAS ?= cgal,distributed,dev,docs
 
-.PHONY: demo test check patient1 install clean help
+# `make drill` repeats the property tests with so many seeds.
+SEEDS ?= 20
+
+.PHONY: demo test check docs drill patient1 install clean help
 
 help: ## Show this list
 	@grep -hE '^[a-z0-9]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 14
@@ -35,10 +38,18 @@ test: $(STAMP) ## The test suite
 	$(BIN)/python -m pytest -n 2 --dist loadfile
 
 check: $(STAMP) ## Linter, types, layers, tests
-	$(BIN)/ruff check src tests benchmarks validation
+	$(BIN)/ruff check src tests benchmarks validation $(wildcard examples) docs/*.py
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(MAKE) test
+
+docs: $(STAMP) ## The site, in build/docs/index.html; a warning is an error
+	$(BIN)/python -m sphinx -W --keep-going --quiet -b html -d build/doctrees docs build/docs
+	@echo build/docs/index.html
+
+drill: $(STAMP) ## What takes too long for every change: examples at full size, fuzzing, flips, kills, soak
+	for seed in $$(seq $(SEEDS)); do $(BIN)/python -m pytest -m hypothesis --hypothesis-seed=$$seed -n 2 || exit 1; done
+	$(BIN)/python -m pytest --drill tests/drill $(wildcard tests/test_examples.py)
 
 clean: ## Remove what the commands here have made
 	rm -rf $(VENV) $(RUNS) build src/*.egg-info

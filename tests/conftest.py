@@ -1,4 +1,4 @@
-"""Shared fixtures: where the real data lies, if it is there."""
+"""Shared fixtures: where the real data lies, if it is there; how long the drills are."""
 
 import os
 from pathlib import Path
@@ -10,6 +10,16 @@ from mixpinn.training import settle_arithmetic
 settle_arithmetic()  # before any test uses the sparse solver: trainings are compared to the last bit
 
 ROOT = Path(__file__).parents[1]
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--drill", action="store_true", help="long drills and examples at full size: see 'make drill'")
+
+
+@pytest.fixture(scope="session")
+def drill(request: pytest.FixtureRequest) -> bool:
+    """Whether this is the long version, of `make drill`."""
+    return bool(request.config.getoption("--drill"))
 
 
 @pytest.fixture(scope="session")

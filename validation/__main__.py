@@ -31,7 +31,7 @@ from validation import (
 from validation.page import figure, stored_results, write_page
 from validation.result import Result, Section
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[1]
 TITLES = {
     "material": "Materials", "closed_form": "Patch test, uniaxial stretch, simple shear",
     "linear_elasticity": "Linear elasticity and orders of convergence", "hertz": "Hertz", "friction": "Friction",

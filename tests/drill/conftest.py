@@ -1,0 +1,1 @@
+from pipeline.chain import chain  # noqa: F401
