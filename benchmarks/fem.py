@@ -24,7 +24,7 @@ if __name__ == "__main__":
 import numpy as np  # noqa: E402
 from scipy.spatial.transform import Rotation  # noqa: E402
 
-from mixpinn.fem import PoseSimulator, Scene, SolverConfig  # noqa: E402
+from mixpinn.fem import PAPER_TISSUE, PoseSimulator, Scene, SolverConfig  # noqa: E402
 from mixpinn.geometry.probe_shapes import linear_probe  # noqa: E402
 from mixpinn.mesh import load_paper_mesh  # noqa: E402
 from mixpinn.records import Probe, ProbePath, Simulation, TissueMesh  # noqa: E402
@@ -80,7 +80,7 @@ def main(threads: int, poses: int) -> None:
     """Measure and print."""
     found = paper_set_up()
     mesh, probe, positions = found or block_set_up()
-    simulator = PoseSimulator(Scene(mesh, probe, solver=SolverConfig(threads=threads)))
+    simulator = PoseSimulator(Scene(mesh, probe, (PAPER_TISSUE,), solver=SolverConfig(threads=threads)))
     press(simulator, positions[0], 0.0, steps=14)
     effort = simulator.solver.effort
     before = (effort.iterations, effort.factorizations, dict(effort.seconds))

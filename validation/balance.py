@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mixpinn.fem import Scene, SolverConfig
+from mixpinn.fem import PAPER_TISSUE, Scene, SolverConfig
 from mixpinn.geometry.probe_shapes import linear_probe
 from mixpinn.records import ProbePath
 from validation.blocks import two_bones
@@ -52,7 +52,7 @@ def run(folder: Path) -> Section:
     places = np.column_stack([np.linspace(26.0, 29.0, len(down)), down, np.full(len(down), 15.0)])
     path = ProbePath(places, np.tile(np.eye(3), (len(down), 1, 1)), np.maximum(32.0 - down, 0.0))
     probe = linear_probe(length=30.0, width=12.0, height=20.0, radius=4.0)
-    scene = Scene(mesh, probe, solver=SolverConfig(tolerance=1e-7))
+    scene = Scene(mesh, probe, (PAPER_TISSUE,), solver=SolverConfig(tolerance=1e-7))
     watched = watch(scene, path)
     steps = [step for step in range(len(watched.states)) if np.abs(watched.nodal_forces(step)).max() > 0.0]
     found = [imbalances(watched, step) for step in steps]

@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from mixpinn.base.errors import InputError
-from mixpinn.fem import PoseSimulator, Scene, SuperLUSolver
+from mixpinn.fem import PoseSimulator, Scene, SkinSurface, SuperLUSolver
 from mixpinn.geometry.probe_shapes import linear_probe, spherical_probe
 from mixpinn.geometry.proximity import proximity
 from mixpinn.press.contact import PriorContact
@@ -57,7 +57,7 @@ def test_the_skin_keeps_the_gap_and_nothing_pulls(mesh, prior, ball) -> None:
     top = prior.nodes
     x = mesh.points.copy()
     x[top] += (prior.own_compliance @ -found.history.force.ravel()).reshape(-1, 3)
-    skin = Scene(mesh, spherical_probe(), (TISSUE,)).contact_model().skin
+    skin = SkinSurface.of_mesh(mesh)
     near = proximity(ball.samples + tip, skin.vertices(x), skin.surface, cutoff=4.0)
     # Normals are those of the round before, so that the gap holds up to a part of how far they turned.
     assert near.distance.min() > 1.7

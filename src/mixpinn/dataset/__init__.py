@@ -23,7 +23,7 @@ from mixpinn.dataset.inverted_cells import InvertedCell, inverted_cells, list_in
 from mixpinn.dataset.local_pool import pinned_threads
 from mixpinn.dataset.pose_map import draw_pose_map, save_pose_map
 from mixpinn.dataset.pose_order import farthest_first
-from mixpinn.dataset.positions import first_touch, grid_positions, plan_poses, thin_positions
+from mixpinn.dataset.positions import grid_positions, plan_poses, thin_positions
 from mixpinn.dataset.protocol import (
     ANATOMY,
     PAPER,
@@ -76,7 +76,6 @@ __all__ = [
     "deeper_than",
     "draw_pose_map",
     "farthest_first",
-    "first_touch",
     "generate",
     "grid_positions",
     "held_out_samples",

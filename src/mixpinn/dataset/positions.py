@@ -1,14 +1,14 @@
-"""Where to press: a grid of positions on the skin over the rigid parts, and the tip's place at first touch."""
+"""Where to press: a grid of positions on the skin over the rigid parts."""
 
 from collections.abc import Iterator
 
 import numpy as np
-import pyvista as pv
 
 from mixpinn.base.arrays import FloatArray, IntArray
 from mixpinn.base.errors import InputError
 from mixpinn.base.progress import track
 from mixpinn.dataset.protocol import Pose, Protocol, list_poses, probe_rotation
+from mixpinn.geometry.first_touch import first_touch
 from mixpinn.records import Probe, TissueMesh
 
 
@@ -101,68 +101,6 @@ def grid_positions(mesh: TissueMesh, protocol: Protocol) -> FloatArray:
     return thin_positions(positions, protocol.max_positions)
 
 
-def first_touch(
-    position: FloatArray, rotation_deg: float, *, mesh: TissueMesh, probe: Probe, protocol: Protocol,
-    gap: float, tolerance: float = 1e-3,
-) -> FloatArray:
-    """Where the tip stands when the probe, coming along the pressing direction, first is `gap` from the skin.
-
-    Conservative advancement (Mirtich 1996): the probe is as far from the skin as the nearest vertex of either is
-    from the other's surface, D; moving it by D − gap cannot carry it past first touch, so the sum of such moves
-    converges to it from outside. Edges that cross without a vertex near them are not seen.
-
-    Args:
-        position: a point on the line along which the tip moves [mm], shape (3,).
-        rotation_deg: rotation about the pressing direction [degree].
-        mesh: its skin is what is touched.
-        probe: the probe's surface.
-        protocol: for the direction.
-        gap: distance at which contact acts [mm].
-        tolerance: distance from `gap` at which the search ends [mm].
-
-    Returns:
-        The tip [mm], shape (3,).
-
-    Raises:
-        InputError: no skin lies in the probe's way.
-    """
-    direction, axes = protocol.unit_direction, plane_axes(protocol.unit_direction)
-    tool = probe.points @ probe_rotation(rotation_deg, direction).T
-    reach = np.linalg.norm(tool @ axes.T, axis=1).max() + gap
-    corners = (mesh.points[mesh.skin_faces] - position) @ axes.T
-    centres = corners.mean(axis=1)
-    size = np.linalg.norm(corners - centres[:, None], axis=2).max(axis=1)
-    near = mesh.skin_faces[np.linalg.norm(centres, axis=1) - size < reach + 2.0 * gap]
-    if not len(near):
-        raise InputError(
-            f"probe position {np.round(position, 1).tolist()}", expected="skin in the probe's way", got="none",
-            fix="move the position over the body",
-        )
-    used, local = np.unique(near, return_inverse=True)
-    skin = pv.PolyData.from_regular_faces(mesh.points[used], local.reshape(-1, 3))
-    surface = pv.PolyData.from_regular_faces(tool, probe.triangles)
-    nodes = np.asarray(skin.points)
-    ahead = float((nodes @ direction).min()) - float((tool @ direction).max()) - gap - 1.0
-    travel = ahead - float(position @ direction)
-    limit = travel + float(np.ptp(nodes @ direction) + np.ptp(tool @ direction)) + 4.0 * gap + 2.0
-    while travel < limit:
-        offset = position + travel * direction
-        distance = min(_distance(tool + offset, skin), _distance(nodes - offset, surface))
-        if distance - gap < tolerance:
-            return offset
-        travel += distance - gap
-    raise InputError(
-        f"probe position {np.round(position, 1).tolist()}", expected="skin in the probe's way",
-        got="a way that misses it",
-        fix="move the position over the body",
-    )
-
-
-def _distance(points: FloatArray, surface: pv.PolyData) -> float:
-    _, closest = surface.find_closest_cell(points, return_closest_point=True)
-    return float(np.sqrt(((points - closest) ** 2).sum(axis=1).min()))
-
-
 def plan_poses(
     positions: FloatArray, protocol: Protocol, *, mesh: TissueMesh, probe: Probe, gap: float,
 ) -> tuple[Pose, ...]:
@@ -182,6 +120,7 @@ def _touching(
 ) -> Iterator[Pose]:
     for pose in track(poses, "first touch"):
         x, y, z = first_touch(
-            np.array(pose.position), pose.rotation_deg, mesh=mesh, probe=probe, protocol=protocol, gap=gap,
+            np.array(pose.position), probe_rotation(pose.rotation_deg, protocol.unit_direction), points=mesh.points,
+            triangles=mesh.skin_faces, probe=probe, gap=gap,
         )
         yield Pose(pose.position_index, (float(x), float(y), float(z)), pose.rotation_deg)

@@ -5,6 +5,7 @@ from mixpinn.fem.contact.pressure import ContactPressure, contact_area, contact_
 from mixpinn.fem.contact.surfaces import SkinSurface
 from mixpinn.fem.elements.system import ElasticSystem, State
 from mixpinn.fem.material.hyperelastic import (
+    DEFAULT_TISSUE,
     PAPER_TISSUE,
     LinearElastic,
     Material,
@@ -14,13 +15,15 @@ from mixpinn.fem.material.hyperelastic import (
 from mixpinn.fem.scene import Scene
 from mixpinn.fem.solve.imposed import ImposedSolution, solve_imposed
 from mixpinn.fem.solve.linear import LinearSolver, PardisoSolver, SuperLUSolver, default_solver
+from mixpinn.fem.solve.pose import PressHistory, solve_pose
 from mixpinn.fem.solve.pose_simulator import PoseSimulator, simulate_pose
 from mixpinn.fem.solve.quasi_static import QuasiStaticSolver, SolverConfig
+from mixpinn.fem.solve.scene_models import contact_model, elastic_system
 
 __all__ = [
-    "PAPER_TISSUE", "ContactConfig", "ContactModel", "ContactPressure", "ElasticSystem", "ImposedSolution",
-    "LinearElastic", "LinearSolver", "Material", "PardisoSolver", "PoseSimulator", "ProbePose",
-    "QuasiStaticSolver", "Scene", "SkinSurface", "SolverConfig", "StableNeoHookean", "StableNeoHookeanLog", "State",
-    "SuperLUSolver", "contact_area", "contact_pressure", "default_solver", "simulate_pose",
-    "solve_imposed",
+    "DEFAULT_TISSUE", "PAPER_TISSUE", "ContactConfig", "ContactModel", "ContactPressure", "ElasticSystem",
+    "ImposedSolution", "LinearElastic", "LinearSolver", "Material", "PardisoSolver", "PoseSimulator", "PressHistory",
+    "ProbePose", "QuasiStaticSolver", "Scene", "SkinSurface", "SolverConfig", "StableNeoHookean", "StableNeoHookeanLog",
+    "State", "SuperLUSolver", "contact_area", "contact_model", "contact_pressure", "default_solver", "elastic_system",
+    "simulate_pose", "solve_imposed", "solve_pose",
 ]

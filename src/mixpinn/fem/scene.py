@@ -6,12 +6,11 @@ import numpy as np
 
 from mixpinn.base.errors import InputError
 from mixpinn.base.files import hash_arrays
-from mixpinn.fem.contact.model import ContactConfig, ContactModel
+from mixpinn.fem.contact.model import ContactConfig
 from mixpinn.fem.contact.surfaces import SkinSurface
-from mixpinn.fem.elements.system import ElasticSystem
-from mixpinn.fem.material.hyperelastic import PAPER_TISSUE, Material
+from mixpinn.fem.material.hyperelastic import DEFAULT_TISSUE, Material
 from mixpinn.fem.solve.quasi_static import SolverConfig
-from mixpinn.geometry.probe_surface import ProbeSurface
+from mixpinn.geometry.probe_shapes import linear_probe
 from mixpinn.records import Probe, TissueMesh
 
 
@@ -21,21 +20,23 @@ class Scene:
 
     Attributes:
         mesh: soft tissue with rigid parts as cavities.
-        probe: the rigid tool.
-        materials: one for each of the mesh's tissues.
+        probe: the rigid tool; by default the built-in linear probe.
+        materials: one for each of the mesh's tissues; by default `DEFAULT_TISSUE` for each.
         contact: gap, friction and stiffness of contact.
         solver: tolerances and limits.
         skin: the surface that the probe can touch; None for the mesh's own skin.
     """
 
     mesh: TissueMesh
-    probe: Probe
-    materials: tuple[Material, ...] = (PAPER_TISSUE,)
+    probe: Probe = field(default_factory=linear_probe)
+    materials: tuple[Material, ...] = ()
     contact: ContactConfig = field(default_factory=ContactConfig)
     solver: SolverConfig = field(default_factory=SolverConfig)
     skin: SkinSurface | None = None
 
     def __post_init__(self) -> None:
+        if not self.materials:
+            object.__setattr__(self, "materials", (DEFAULT_TISSUE,) * len(self.mesh.tissue_names))
         if len(self.materials) != len(self.mesh.tissue_names):
             raise InputError(
                 "scene", expected=f"one material for each tissue: {', '.join(self.mesh.tissue_names)}",
@@ -48,12 +49,3 @@ class Scene:
         text = f"{self.materials!r}{self.contact!r}{numerics!r}{self.mesh.hash()}{self.probe.hash()}"
         skin = () if self.skin is None else (self.skin.nodes, self.skin.weights, self.skin.surface.triangles)
         return hash_arrays(np.frombuffer(text.encode(), dtype=np.uint8), *skin)
-
-    def contact_model(self) -> ContactModel:
-        """Contact between the scene's probe and skin."""
-        skin = self.skin or SkinSurface.of_mesh(self.mesh)
-        return ContactModel(skin, ProbeSurface.of_probe(self.probe, spacing=self.contact.spacing), self.contact)
-
-    def elastic_system(self) -> ElasticSystem:
-        """The elastic bodies."""
-        return ElasticSystem(self.mesh, self.materials, threads=self.solver.threads or 1)

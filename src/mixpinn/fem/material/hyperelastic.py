@@ -197,6 +197,9 @@ class LinearElastic(_Lame):
 PAPER_TISSUE = StableNeoHookean(mu=8.758621e-3, lam=84.666667e-3)
 """The tissue of the paper's simulations [N/mm²]."""
 
+DEFAULT_TISSUE = StableNeoHookean.from_young(25.4e-3, 0.45)
+"""Soft tissue of which nothing else is known: E = 25.4 kPa, ν = 0.45 [N/mm²]."""
+
 
 def _invariant(tensor: FloatArray) -> FloatArray:
     """F : F, shape (m,)."""

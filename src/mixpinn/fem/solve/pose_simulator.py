@@ -14,6 +14,7 @@ from mixpinn.fem.elements.system import ElasticSystem, State
 from mixpinn.fem.scene import Scene
 from mixpinn.fem.solve.linear import LinearSolver
 from mixpinn.fem.solve.quasi_static import Balance, QuasiStaticSolver
+from mixpinn.fem.solve.scene_models import contact_model, elastic_system
 from mixpinn.records import ProbePath, Simulation
 
 NO_FORCE = 1e-6
@@ -28,8 +29,15 @@ _MARGIN = 6.0
 
 
 @dataclass(frozen=True, eq=False)
-class _Equilibrium:
-    """The last converged step: configuration, probe pose, elastic slips, and the increment that led there."""
+class Equilibrium:
+    """The last converged step: where a path goes on from.
+
+    Attributes:
+        balance: configuration and forces.
+        pose: of the probe.
+        slip: elastic slip of each contact point [mm], shape (p, 3); None before contact.
+        increment: of the unknowns that led there, a guess for the next step.
+    """
 
     balance: Balance
     pose: ProbePose
@@ -48,8 +56,8 @@ class PoseSimulator:
             linear: sparse direct solver; by default the best that the platform has.
         """
         self.scene = scene
-        self.contact: ContactModel = scene.contact_model()
-        self.system: ElasticSystem = scene.elastic_system()
+        self.contact: ContactModel = contact_model(scene)
+        self.system: ElasticSystem = elastic_system(scene)
         self.solver = QuasiStaticSolver(self.system, self.contact, scene.solver, linear=linear)
 
     def run(
@@ -71,12 +79,36 @@ class PoseSimulator:
         Raises:
             InputError: the probe starts inside the body.
         """
+        return self.follow(path, position_index=position_index, rotation_deg=rotation_deg, on_step=on_step)[0]
+
+    def follow(
+        self, path: ProbePath, *, start: Equilibrium | None = None, position_index: int = 0,
+        rotation_deg: float = 0.0, on_step: Callable[[int], None] | None = None,
+    ) -> tuple[Simulation, Equilibrium]:
+        """Simulate one path, from rest or from where an earlier one ended.
+
+        Args:
+            path: poses of the probe, step by step.
+            start: where the path goes on from; None for rest, with the probe outside the body.
+            position_index, rotation_deg, on_step: as in `run`.
+
+        Returns:
+            All steps, and the last that converged.
+
+        Raises:
+            InputError: the probe starts inside the body.
+        """
         poses = [ProbePose(r, t) for r, t in zip(path.rotations, path.translations, strict=True)]
         rest = self.system.rest_state()
-        entry = self._entry(poses[0], rest)
         recorder = _Recorder(self.contact, self.system, len(poses))
-        self.solver.begin(self.contact.reachable(self._skin(rest), [entry, *poses], margin=_MARGIN))
-        last = _Equilibrium(self.solver.balance(rest, None), entry, None, None)
+        if start is None:
+            entry = self._entry(poses[0], rest)
+            self.solver.begin(self.contact.reachable(self._skin(rest), [entry, *poses], margin=_MARGIN))
+            last = Equilibrium(self.solver.balance(rest, None), entry, None, None)
+        else:
+            skin = self._skin(start.balance.state)
+            self.solver.begin(self.contact.reachable(skin, [start.pose, *poses], margin=_MARGIN))
+            last = start
         for step, pose in enumerate(poses):
             began, effort = time.perf_counter(), self.solver.effort.iterations
             found, residual = self._follow(last, pose)
@@ -90,7 +122,7 @@ class PoseSimulator:
             )
             if on_step is not None:
                 on_step(step)
-        return recorder.finish(self.scene.mesh.hash(), position_index, rotation_deg, path)
+        return recorder.finish(self.scene.mesh.hash(), position_index, rotation_deg, path), last
 
     def _skin(self, state: State) -> FloatArray:
         return self.contact.skin.vertices(state.points)
@@ -116,7 +148,7 @@ class PoseSimulator:
             _, distance = self.contact.clearance(vertices, pose)
         return pose
 
-    def _follow(self, last: _Equilibrium, pose: ProbePose) -> tuple[tuple[_Equilibrium, IntArray] | None, float]:
+    def _follow(self, last: Equilibrium, pose: ProbePose) -> tuple[tuple[Equilibrium, IntArray] | None, float]:
         """Go to `pose` and see to it that no skin beside the patch was touched; also the skin vertices near it."""
         while True:
             found, residual = self._divide(last, pose)
@@ -138,7 +170,7 @@ class PoseSimulator:
             if not len(np.setdiff1d(touched, known)):
                 return (found, near), residual
 
-    def _divide(self, last: _Equilibrium, pose: ProbePose) -> tuple[_Equilibrium | None, float]:
+    def _divide(self, last: Equilibrium, pose: ProbePose) -> tuple[Equilibrium | None, float]:
         """Go from equilibrium `last` to `pose` in as many parts as the probe's motion asks for."""
         corners = self.contact.probe.vertices
         move = np.linalg.norm(pose.place(corners) - last.pose.place(corners), axis=1).max()
@@ -152,7 +184,7 @@ class PoseSimulator:
             last = found
         return last, residual
 
-    def _advance(self, last: _Equilibrium, pose: ProbePose, cuts: int) -> tuple[_Equilibrium | None, float]:
+    def _advance(self, last: Equilibrium, pose: ProbePose, cuts: int) -> tuple[Equilibrium | None, float]:
         """Go from equilibrium `last` to `pose`, in halves where needed."""
         before = last.pose if self.scene.contact.dragging else pose
         frame = self.contact.begin_step(self._skin(last.balance.state), before, last.slip)
@@ -168,10 +200,10 @@ class PoseSimulator:
             if forces is not None and solution.problem is not None and forces.hits:
                 slip = solution.problem.slip_everywhere(forces)
                 increment = self.system.difference(last.balance.state, solution.balance.state)
-            return _Equilibrium(solution.balance, pose, slip, increment), residual
+            return Equilibrium(solution.balance, pose, slip, increment), residual
         if cuts == 0:
             return None, residual
-        still = _Equilibrium(last.balance, last.pose, last.slip, None)
+        still = Equilibrium(last.balance, last.pose, last.slip, None)
         half, residual = self._advance(still, last.pose.towards(pose, 0.5), cuts - 1)
         return (None, residual) if half is None else self._advance(half, pose, cuts - 1)
 
@@ -181,10 +213,15 @@ def simulate_pose(
     on_step: Callable[[int], None] | None = None,
 ) -> Simulation:
     """Simulate one pose of `scene`; the preparation for the last scene is kept for the next call."""
+    return simulator_of(scene).run(path, position_index=position_index, rotation_deg=rotation_deg, on_step=on_step)
+
+
+def simulator_of(scene: Scene) -> PoseSimulator:
+    """The simulator of `scene`; that of the last scene is kept."""
     global _simulator
     if _simulator is None or _simulator.scene is not scene:
         _simulator = PoseSimulator(scene)
-    return _simulator.run(path, position_index=position_index, rotation_deg=rotation_deg, on_step=on_step)
+    return _simulator
 
 
 _simulator: PoseSimulator | None = None

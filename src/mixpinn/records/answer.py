@@ -1,0 +1,171 @@
+"""Answer: how the body stands under a press, wherever that is known from: a full solve, a model, or a refinement."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mixpinn.base.arrays import AnyArray, FloatArray, IntArray
+from mixpinn.base.errors import InputError
+from mixpinn.records.tissue_mesh import TissueMesh
+
+if TYPE_CHECKING:
+    import pyvista as pv
+
+_SUFFIXES = (".vtu", ".stl", ".ply")
+
+
+class Source(StrEnum):
+    """Where an answer comes from."""
+
+    FULL_SOLVE = "full solve"
+    HYBRID_POSE = "hybrid model, from the probe's pose"
+    HYBRID_CONTACT = "hybrid model, from contact displacements"
+    NETWORK = "network, from contact displacements"
+    REFINED = "hybrid model, refined by the solver"
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """Rigid motion of one part.
+
+    Attributes:
+        translation: displacement of its centroid [mm], shape (3,).
+        rotation_vector: axis times angle [rad], shape (3,).
+        rotation: the same as a matrix, shape (3, 3).
+    """
+
+    translation: FloatArray
+    rotation_vector: FloatArray
+    rotation: FloatArray
+
+    @property
+    def distance(self) -> float:
+        """How far its centroid moved [mm]."""
+        return float(np.linalg.norm(self.translation))
+
+    @property
+    def angle_deg(self) -> float:
+        """By how much it turned [degree]."""
+        return float(np.rad2deg(np.linalg.norm(self.rotation_vector)))
+
+
+@dataclass(frozen=True, eq=False)
+class Contact:
+    """The nodes that the probe holds or loads; l nodes.
+
+    Attributes:
+        nodes: of the mesh, each once, shape (l,).
+        displacement: of each [mm], shape (l, 3); a node may be held at exactly zero.
+        forces: of the probe on each [N], shape (l, 3); None where they are not known.
+    """
+
+    nodes: IntArray
+    displacement: AnyArray
+    forces: FloatArray | None = None
+
+
+@dataclass(frozen=True)
+class Trust:
+    """What to think of an answer.
+
+    The errors are those against the solver that the model learned from, on its mesh and elements; how far these are
+    from the converged solution is another question.
+
+    Attributes:
+        expected: expected mean Euclidean error [mm]; None where it is not known.
+        bound: what that error stays below with probability `level` [mm]; None where it is not known.
+        level: probability of the bound; None where there is no bound.
+        outside: whether the input lies outside of what the model has seen; `expected` and `bound` mean little then.
+        reasons: why the answer is outside or did not converge, in words.
+        converged: whether every solve met its tolerance.
+        residual: relative residual of the equilibrium; None where it was not evaluated.
+    """
+
+    expected: float | None = None
+    bound: float | None = None
+    level: float | None = None
+    outside: bool = False
+    reasons: tuple[str, ...] = ()
+    converged: bool = True
+    residual: float | None = None
+
+    @property
+    def sound(self) -> bool:
+        """Whether nothing speaks against the answer: converged, and within what the model has seen."""
+        return self.converged and not self.outside
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """Displacement of the whole body, and what goes with it; n mesh nodes.
+
+    Attributes:
+        mesh: the mesh.
+        displacement: of every mesh node [mm], shape (n, 3).
+        source: where it comes from.
+        model: name of the model or solver.
+        force: of the tissue on the probe [N], shape (3,), or (k, 3) of k probes; None where it is not known.
+        moment: the same forces' moment about the probe's tip [N mm], shape (3,) or (k, 3).
+        motions: of each rigid part, by name.
+        contact: the nodes that are held or loaded; None where they are not known.
+        trust: what to think of it; None where nothing is known.
+        discretisation: elements and mesh that it refers to.
+        reference: the displacement that was to be found, if known [mm], shape (n, 3).
+        history: to hand to the next call of the same solver or model; None where an answer does not depend on one.
+    """
+
+    mesh: TissueMesh
+    displacement: AnyArray
+    source: Source
+    model: str = ""
+    force: FloatArray | None = None
+    moment: FloatArray | None = None
+    motions: Mapping[str, Motion] = field(default_factory=dict)
+    contact: Contact | None = None
+    trust: Trust | None = None
+    discretisation: str = ""
+    reference: AnyArray | None = None
+    history: object | None = None
+
+    def grid(self) -> "pv.UnstructuredGrid":
+        """The deformed mesh with point data ``displacement`` and, where the reference is known, ``error`` [mm]."""
+        grid = self.mesh.grid(self.displacement)
+        if self.reference is not None:
+            grid.point_data["reference"] = self.reference
+            grid.point_data["error"] = np.linalg.norm(self.displacement - self.reference, axis=1)
+        return grid
+
+    def save(self, path: Path | str) -> None:
+        """Write the deformed mesh: ``.vtu`` with all fields, or the surface as ``.stl`` or ``.ply``.
+
+        Raises:
+            InputError: another suffix, or a folder that cannot be written.
+        """
+        from mixpinn.records.vtk_file import write_vtk
+
+        path = checked_output(path)
+        grid = self.grid()
+        write_vtk(path, grid if path.suffix == ".vtu" else grid.extract_surface(algorithm="dataset_surface"))
+
+
+def checked_output(path: Path | str) -> Path:
+    """`path` as one that `Answer.save` can write.
+
+    Raises:
+        InputError: another suffix than ``.vtu``, ``.stl`` or ``.ply``.
+    """
+    path = Path(path)
+    if path.suffix not in _SUFFIXES:
+        raise InputError(
+            str(path), expected=".vtu, .stl or .ply", got=path.suffix or "no suffix", fix="rename the output",
+        )
+    return path
+
+
+def discretisation_of(mesh: TissueMesh) -> str:
+    """Elements and size of a mesh in words."""
+    return f"linear tetrahedra, {mesh.n_points} nodes, mesh {mesh.hash()}"
