@@ -89,9 +89,9 @@ def render(data: Data) -> str:
     )
     return "\n".join([
         "## At the paper's width, on recordings of SOFA\n",
-        "Commands: `mixpinn import sofa RECORDINGS --mesh MESH`, `mixpinn train STORE --split every-fifth --model "
-        "row-1 --width authors --scaling standard --epochs 10 --set train.learning_rate=1e-3` (and `row-10`), `mixpinn "
-        "evaluate STORE ROW-1 ROW-10 --split every-fifth --paper-constants`. "
+        "Commands: `mixpinn import sofa RECORDINGS --mesh MESH --paper-constants`, `mixpinn train STORE --split "
+        "every-fifth --model row-1 --width authors --scaling standard --epochs 10 --set train.learning_rate=1e-3` "
+        "(and `row-10`), `mixpinn evaluate STORE ROW-1 ROW-10 --split every-fifth`. "
         f"Run of {data['run']} on {data['machine']}. The paper's mesh of 8,746 nodes, contact nodes *loaded*; 53 "
         f"positions to learn from, of which 9 validate; {data['samples']} samples at {data['positions']} test "
         "positions.\n",

@@ -32,14 +32,14 @@ def recordings(chain, tmp_path):
 def test_recordings_become_simulations_that_are_evaluated(chain, recordings, tmp_path):
     words = [
         "import", "sofa", recordings, "--mesh", chain.mesh, "--positions", tmp_path / "positions.txt", "--out",
-        tmp_path / "s",
+        tmp_path / "s", "--paper-constants",
     ]
     done(*words)
     mine, own = SimulationStore.open(tmp_path / "s" / "store"), SimulationStore.open(chain.simulation / "store")
     first, second = mine.load(mine.poses[1]), own.load(own.poses[1])
     np.testing.assert_allclose(first.displacement, second.displacement, atol=5.1e-4)
     done(*words)
-    done("evaluate", tmp_path / "s", chain.model, "--no-pictures", "--paper-constants", "--out", tmp_path / "e")
+    done("evaluate", tmp_path / "s", chain.model, "--no-pictures", "--out", tmp_path / "e")
     assert "μ = 8.758621 kPa" in (tmp_path / "e" / "report.html").read_text()
 
 
@@ -47,7 +47,7 @@ def test_positions_of_other_recordings_are_refused(chain, recordings, tmp_path):
     (tmp_path / "positions.txt").write_text("0 0 0\n")
     outcome = command(
         "import", "sofa", recordings, "--mesh", chain.mesh, "--positions", tmp_path / "positions.txt", "--out",
-        tmp_path / "s",
+        tmp_path / "s", "--paper-constants",
     )
     assert outcome.code == 2
     assert "6 or more positions" in outcome.lines[-1]
@@ -66,7 +66,7 @@ def test_export_writes_a_scene(chain, tmp_path):
 def test_import_continues_a_store_that_was_cut_short(chain, recordings, tmp_path):
     words = [
         "import", "sofa", recordings, "--mesh", chain.mesh, "--positions", tmp_path / "positions.txt", "--out",
-        tmp_path / "s",
+        tmp_path / "s", "--paper-constants",
     ]
     done(*words)
     record = tmp_path / "s" / "run.json"
@@ -74,3 +74,33 @@ def test_import_continues_a_store_that_was_cut_short(chain, recordings, tmp_path
     shutil.rmtree(tmp_path / "s" / "store" / "pose_002_000")
     done(*words)
     assert [status.state for status in SimulationStore.open(tmp_path / "s" / "store").statuses()] == ["done"] * 6
+
+
+def test_unknown_constants_are_refused_with_the_remedy(chain, recordings, tmp_path):
+    words = [
+        "import", "sofa", recordings, "--mesh", chain.mesh, "--positions", tmp_path / "positions.txt", "--out",
+        tmp_path / "s",
+    ]
+    outcome = command(*words)
+    assert outcome.code == 2
+    assert "--paper-constants" in outcome.lines[-1]
+    assert "contact" in outcome.lines[-1]
+    assert not (tmp_path / "s").exists()
+    outcome = command(*words, "--set", "tissue.mu=8.0")
+    assert outcome.code == 2
+    assert "lam" in outcome.lines[-1]
+    assert not (tmp_path / "s").exists()
+
+
+def test_constants_come_from_the_exported_scene(chain, recordings, tmp_path):
+    scene = tmp_path / "scene"
+    done("export", "sofa", chain.mesh, "--config", chain.settings("simulate"), "--out", scene)
+    done(
+        "import", "sofa", recordings, "--mesh", chain.mesh, "--positions", tmp_path / "positions.txt", "--out",
+        tmp_path / "s", "--scene", scene,
+    )
+    mine, own = SimulationStore.open(tmp_path / "s" / "store"), SimulationStore.open(chain.simulation / "store")
+    for a, b in zip(mine.materials(), own.materials(), strict=True):
+        assert type(a) is type(b)
+        assert (a.mu, a.lam) == pytest.approx((b.mu, b.lam), rel=1e-12)
+    assert (mine.contact().gap, mine.contact().friction) == (own.contact().gap, own.contact().friction)

@@ -11,7 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from mixpinn.base.errors import SolveError
-from mixpinn.dataset import Pose, Protocol, SimulationStore, list_poses, scene_identity
+from mixpinn.dataset import Pose, Protocol, SimulationStore, list_poses
+from mixpinn.fem import scene_record
 from mixpinn.records import Probe, ProbePath, Simulation, TissueMesh
 
 
@@ -133,7 +134,7 @@ def short_store(
 ) -> SimulationStore:
     """A store of `positions` × the protocol's rotations on the scene's mesh."""
     places = np.column_stack([np.arange(positions, dtype=float), np.zeros(positions), np.zeros(positions)])
-    identity = {key: value for key, value in scene_identity(scene).items() if key == "probe"}
+    identity = {key: value for key, value in scene_record(scene).items() if key == "probe"}
     return SimulationStore.create(
         folder, scene.mesh, protocol=protocol, positions=places, poses=list_poses(places, protocol), scene=identity,
     )

@@ -11,8 +11,11 @@ import pytest
 
 from dataset.dataset_fakes import SHORT, FakeScene, block, fake_runner, short_store
 from mixpinn.base.errors import InputError
-from mixpinn.dataset import GenerationSummary, Pose, PoseState, SimulationStore, generate, scene_identity
+from mixpinn.dataset import GenerationSummary, Pose, PoseState, SimulationStore, generate
 from mixpinn.dataset.local_pool import THREAD_VARIABLES, pinned_threads
+from mixpinn.fem import scene_record
+
+PATHS = os.pathsep.join([str(Path(__file__).parent), os.environ.get("PYTHONPATH", "")])
 
 
 def states(store):
@@ -60,7 +63,7 @@ def test_killed_generation_resumes_and_loses_the_pose_in_flight_only(tmp_path, l
     )
     script = tmp_path / "killed.py"
     script.write_text(code)
-    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parent)}
+    environment = {**os.environ, "PYTHONPATH": PATHS}
     ended = subprocess.run([sys.executable, script, log, folder], env=environment, capture_output=True, check=False)
     assert ended.returncode == -signal.SIGKILL
     store = SimulationStore.open(folder)
@@ -113,7 +116,7 @@ def test_interrupt_stops_all_workers_and_keeps_what_is_done(tmp_path, log):
     (tmp_path / "interrupted.py").write_text(script)
     process = subprocess.Popen(
         [sys.executable, str(tmp_path / "interrupted.py")], stdout=subprocess.PIPE, text=True, start_new_session=True,
-        env={**os.environ, "PYTHONPATH": str(Path(__file__).parent)},
+        env={**os.environ, "PYTHONPATH": PATHS},
     )
     while not any(path.name.startswith("pose_000_090") for path in log.iterdir()):
         assert process.poll() is None
@@ -148,11 +151,11 @@ class OtherScene:
     table: np.ndarray
 
 
-def test_scene_identity_knows_what_matters():
+def test_scene_record_knows_what_matters():
     def identity(**changes):
         scene = FakeScene(block(3))
         values = {"mesh": scene.mesh, "probe": scene.probe, "solver": Numerics(), "table": np.arange(3)} | changes
-        return scene_identity(OtherScene(**values))
+        return scene_record(OtherScene(**values))
 
     assert identity() == identity(solver=Numerics(threads=8), mesh=block(4))
     assert identity() != identity(solver=Numerics(tolerance=1e-5))

@@ -35,6 +35,7 @@ def test_open_restores_all_settings(tmp_path, scene):
     again = SimulationStore.open(tmp_path, mesh=scene.mesh)
     assert (again.poses, again.protocol, again.scene) == (store.poses, store.protocol, store.scene)
     assert again.scene_hash == store.scene_hash
+    assert again.identity == store.identity
     assert again.mesh().hash() == scene.mesh.hash()
     assert [status.state for status in again.statuses()] == [PoseState.MISSING] * 6
 

@@ -1,15 +1,14 @@
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from mixpinn.base.config import build_config
 from mixpinn.base.errors import InputError
 from mixpinn.dataset import SimulationStore
-from mixpinn.stages.evaluation import Background, EvaluationConfig, build_prior, evaluate_models
-from mixpinn.stages.simulation import SimulationConfig, TissueConfig
+from mixpinn.fem import StableNeoHookean
+from mixpinn.stages.evaluation import Background, EvaluationConfig, constants, evaluate_models
 from mixpinn.stages.training import SplitConfig, load_samples
-from pipeline.chain import SIMULATION
 
 QUICK = EvaluationConfig(pictures=False)
 
@@ -26,7 +25,7 @@ def samples(store):
 
 def test_baselines_alone(store, samples, tmp_path):
     table, split = samples
-    background = Background(title="Nothing trained", simulation=build_config(SimulationConfig, SIMULATION))
+    background = Background(title="Nothing trained")
     evaluations, report = evaluate_models([], store, table, split, QUICK, out=tmp_path, background=background)
     zero, prior, stepped = evaluations
     test = table.at_positions(split.test)
@@ -35,6 +34,7 @@ def test_baselines_alone(store, samples, tmp_path):
     assert prior.metrics["mee"].mean() < 0.2 * zero.metrics["mee"].mean()
     assert stepped.metrics["mee"].mean() < prior.metrics["mee"].mean()
     assert "Nothing trained" in report.read_text()
+    assert "StableNeoHookean" in report.read_text()
     written = json.loads((tmp_path / "run.json").read_text())["results"]
     assert written[zero.model] == pytest.approx(zero.metrics["mee"].mean())
 
@@ -61,14 +61,21 @@ def test_missing_model_leaves_nothing(store, samples, tmp_path):
     assert not (tmp_path / "out").exists()
 
 
-def test_prior_is_kept_and_made_anew_where_the_cache_is_damaged(store, samples, tmp_path, monkeypatch):
-    monkeypatch.setenv("MIXPINN_CACHE", str(tmp_path))
-    table, _ = samples
-    first = build_prior(store.mesh(), {}, TissueConfig(), table)
-    for path in tmp_path.rglob("*"):
-        if path.is_file():
-            path.write_bytes(path.read_bytes()[:-9])
-    second = build_prior(store.mesh(), {}, TissueConfig(), table)
-    third = build_prior(store.mesh(), {}, TissueConfig(), table)
-    np.testing.assert_array_equal(first.compliance, second.compliance)
-    np.testing.assert_array_equal(first.compliance, third.compliance)
+def test_baseline_of_unknown_tissue_is_refused_unless_it_is_given_or_left_out(store, samples, tmp_path):
+    unknown = replace(store, scene={"simulator": "another"})
+    with pytest.raises(InputError, match="constants of the tissue"):
+        evaluate_models([], unknown, *samples, QUICK, out=tmp_path / "a")
+    assert not (tmp_path / "a").exists()
+    given, _ = evaluate_models([], unknown, *samples, QUICK, out=tmp_path / "b", materials=store.materials())
+    known, _ = evaluate_models([], store, *samples, QUICK, out=tmp_path / "c")
+    np.testing.assert_array_equal(given[1].metrics["mee"], known[1].metrics["mee"])
+    left_out, _ = evaluate_models([], unknown, *samples, replace(QUICK, prior=False), out=tmp_path / "d")
+    assert len(left_out) == 1
+
+
+def test_constants_in_words():
+    # E = 25.4 kPa and ν = 0.45 have μ = E / 2.9 and λ = E · 0.45 / 0.145.
+    told = constants(StableNeoHookean.from_young(25.4e-3, 0.45))
+    assert "μ = 8.758621 kPa" in told
+    assert "λ = 78.827586 kPa" in told
+    assert "E = 25.4 kPa, ν = 0.45" in told

@@ -137,7 +137,8 @@ train(TINY, config, mesh=mesh, table_train=block_table(mesh, 10), table_validati
 
 
 def test_a_process_killed_between_two_files_of_an_epoch_goes_on_to_the_same_curve(run: Any, tmp_path: Path) -> None:
-    environment = {**os.environ, "PYTHONPATH": str(ROOT / "tests"), "OMP_NUM_THREADS": "1"}
+    paths = os.pathsep.join([str(ROOT / "tests"), os.environ.get("PYTHONPATH", "")])
+    environment = {**os.environ, "PYTHONPATH": paths, "OMP_NUM_THREADS": "1"}
     done = subprocess.run(
         [sys.executable, "-c", KILLED, str(tmp_path / "cut")], env=environment, capture_output=True, timeout=120,
     )
@@ -213,7 +214,7 @@ def test_an_error_in_another_process_comes_back_as_one_line() -> None:
 
 
 def test_two_processes_learn_what_one_learns(run: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("PYTHONPATH", str(ROOT / "tests"))
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(ROOT / "tests"), os.environ.get("PYTHONPATH", "")]))
     config = replace(FAST, max_epochs=2)
     two = run(tmp_path / "two", config, devices=2)
     one = run(tmp_path / "one", config)

@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import tomllib
+import types
 import typing
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -74,6 +75,12 @@ def parse_overrides(overrides: Sequence[str]) -> dict[str, Any]:
     return result
 
 
+def _without_none(kind: Any) -> Any:
+    """`X` of ``X | None``, else the type itself."""
+    options = [option for option in typing.get_args(kind) if option is not type(None)]
+    return options[0] if isinstance(kind, types.UnionType) and len(options) == 1 else kind
+
+
 def _refuse_unknown(kind: Any, values: Mapping[str, Any], where: str) -> None:
     fields = {field.name: field for field in dataclasses.fields(kind)}
     for key, value in values.items():
@@ -82,7 +89,7 @@ def _refuse_unknown(kind: Any, values: Mapping[str, Any], where: str) -> None:
                 f"{where}{key}", expected="one of " + ", ".join(fields), got=f"the unknown setting {key!r}",
                 fix="check the spelling",
             )
-        nested = fields[key].type
+        nested = _without_none(fields[key].type)
         if not isinstance(value, Mapping):
             continue
         if dataclasses.is_dataclass(nested):

@@ -14,14 +14,12 @@ from mixpinn.cli.options import (
     Config,
     HoldOut,
     Out,
-    PaperConstants,
     Positions,
     ProbeFile,
     Set,
     SplitFile,
     Threads,
     load_mesh,
-    made_with,
     settings_layers,
     simulations_folder,
 )
@@ -38,7 +36,6 @@ def train(
     devices: Annotated[int, typer.Option(help="Processes, each with a device of its own.")] = 1,
     split_file: SplitFile = None,
     hold_out: HoldOut = None,
-    paper_constants: PaperConstants = False,
     config: Config = None,
     overrides: Set = None,
 ) -> None:
@@ -55,9 +52,7 @@ def train(
     table, split = load_samples(store, SplitConfig(file=str(split_file) if split_file else None))
     if model == HYBRID:
         hybrid = make_hybrid(
-            store, table, split,
-            HybridStageConfig.of_simulation(made_with(store.folder, paper_constants), settings.hybrid), out=out,
-            held_out=hold_out,
+            store, table, split, HybridStageConfig(hybrid=settings.hybrid), out=out, held_out=hold_out,
         )
         samples = hybrid.about["training_samples"]
         console.print(f"{len(hybrid.newton.modes)} modes from {samples} samples; model in {out}")
@@ -78,20 +73,18 @@ def evaluate(
     paper: Annotated[bool, typer.Option(help="Show the paper's rows too.")] = False,
     split_file: SplitFile = None,
     hold_out: HoldOut = None,
-    paper_constants: PaperConstants = False,
     threads: Threads = None,
 ) -> None:
     """Metrics on the test positions, pictures and the HTML report."""
     from mixpinn.dataset import SimulationStore
-    from mixpinn.stages.evaluation import Background, EvaluationConfig, evaluate_models
+    from mixpinn.stages.evaluation import EvaluationConfig, evaluate_models
     from mixpinn.stages.training import SplitConfig, load_samples
 
     store = SimulationStore.open(simulations_folder(source))
-    simulation = made_with(store.folder, paper_constants)
     table, split = load_samples(store, SplitConfig(file=str(split_file) if split_file else None))
     _, report = evaluate_models(
         models, store, table, split, EvaluationConfig(pictures=pictures, with_paper=paper), out=out,
-        background=Background(simulation=simulation), threads=threads, held_out=hold_out,
+        threads=threads, held_out=hold_out,
     )
     console.print(f"Report: {report}")
 

@@ -73,16 +73,3 @@ def simulation_settings(
         positions=positions and str(positions), workers=workers,
         tissue=asdict(PAPER_TISSUE_CONFIG) if paper_constants else None,
     ))
-
-
-def made_with(store: Path, paper_constants: bool) -> "SimulationConfig":
-    """How the simulations of a store were made, which the elastic prior needs; recordings do not tell the tissue."""
-    from mixpinn.base.files import read_json
-    from mixpinn.stages.simulation import PAPER_TISSUE_CONFIG, SimulationConfig
-
-    record = store.parent / "run.json"
-    made = read_json(record) if record.exists() else {}
-    return build_config(
-        SimulationConfig, made["config"] if made.get("stage") == "simulate" else {},
-        {"tissue": asdict(PAPER_TISSUE_CONFIG)} if paper_constants else {},
-    )

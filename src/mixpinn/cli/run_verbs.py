@@ -98,9 +98,17 @@ def import_sofa(
     mesh_source: Annotated[Path, typer.Option("--mesh", help="Mesh that they were made on: folder or .vtu.")],
     positions: Annotated[Path, typer.Option(help="File with one listed probe position a line.")],
     out: Out,
+    paper_constants: PaperConstants = False,
+    scene: Annotated[Path | None, typer.Option(help="Folder of 'mixpinn export sofa' that was recorded.")] = None,
+    config: Config = None,
+    overrides: Set = None,
 ) -> None:
-    """SOFA recordings → simulations that 'mixpinn train' and 'evaluate' read."""
+    """SOFA recordings, and the constants they were made with → simulations that 'mixpinn train' reads."""
+    from mixpinn.interop import PAPER_SOFA, SofaConstants
     from mixpinn.stages.sofa import import_sofa_recordings
 
-    store = import_sofa_recordings(recordings, load_mesh(mesh_source), positions=positions, out=out)
+    known = [asdict(PAPER_SOFA)] if paper_constants else []
+    known += [asdict(SofaConstants.of_scene(scene))] if scene is not None else []
+    constants = build_config(SofaConstants, *known, *settings_layers(config, overrides))
+    store = import_sofa_recordings(recordings, load_mesh(mesh_source), constants, positions=positions, out=out)
     console.print(f"{len(store.poses)} poses in {out}")

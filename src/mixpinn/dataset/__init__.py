@@ -2,7 +2,7 @@
 
 from mixpinn.dataset.dask_pool import connect_dask
 from mixpinn.dataset.dataset_table import DatasetTable, dataset_table
-from mixpinn.dataset.generation import generate, scene_identity
+from mixpinn.dataset.generation import generate
 from mixpinn.dataset.holdouts import (
     HOLD_OUT_NAMES,
     HOLD_OUTS,
@@ -92,7 +92,6 @@ __all__ = [
     "rotation_is",
     "run_pose",
     "save_pose_map",
-    "scene_identity",
     "split_positions",
     "split_samples",
     "split_sofa_subset",

@@ -1,14 +1,10 @@
 """Generation: simulates every pose of a store that has no result yet, in parallel, resumable."""
 
 import time
-from collections.abc import Mapping, Sequence
-from dataclasses import fields, is_dataclass
+from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
-
 from mixpinn.base.errors import InputError
-from mixpinn.base.files import hash_arrays
 from mixpinn.base.progress import progress_bar
 from mixpinn.dataset.dask_pool import run_dask
 from mixpinn.dataset.local_pool import run_local
@@ -17,35 +13,7 @@ from mixpinn.dataset.status import PoseState
 from mixpinn.dataset.store import SimulationStore
 from mixpinn.dataset.summary import SUMMARY, GenerationSummary, summarize
 from mixpinn.dataset.worker import Runner
-from mixpinn.records import Probe, TissueMesh
-
-
-def scene_identity(scene: Any) -> dict[str, Any]:
-    """What results depend on besides mesh and path, as plain values for the store's record.
-
-    The probe counts by the hash of its geometry; the mesh is left out (the store has its own hash of it), and so
-    are thread counts, which change how fast a result comes but not what it is.
-    """
-    identity = {field.name: _plain(getattr(scene, field.name)) for field in fields(scene) if field.name != "mesh"}
-    return {key: value for key, value in identity.items() if value is not None}
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, Probe | TissueMesh):
-        return value.hash()
-    if isinstance(value, np.ndarray):
-        return hash_arrays(value)
-    if is_dataclass(value) and not isinstance(value, type):
-        return {"kind": type(value).__name__} | {
-            field.name: _plain(getattr(value, field.name)) for field in fields(value) if field.name != "threads"
-        }
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    if isinstance(value, np.generic):
-        return value.item()
-    return value if isinstance(value, str | int | float | bool | None) else type(value).__name__
+from mixpinn.records import TissueMesh
 
 
 def fem_runner() -> Runner:

@@ -13,10 +13,14 @@ from mixpinn.base.errors import InputError
 from mixpinn.base.files import hash_arrays, read_json, write_json
 from mixpinn.dataset.protocol import Pose, Protocol
 from mixpinn.dataset.status import PoseState, PoseStatus, content_hash, folder_sizes, status_of
-from mixpinn.records import Simulation, TissueMesh
+from mixpinn.fem.contact.model import ContactConfig
+from mixpinn.fem.material.hyperelastic import Material
+from mixpinn.fem.scene_record import recorded_contact, recorded_materials, scene_hash
+from mixpinn.records import Probe, Simulation, TissueMesh
 
 RECORD = "store.json"
 MESH = "mesh.vtu"
+PROBE = "probe.stl"
 STATUS = "status"
 
 
@@ -26,6 +30,7 @@ class SimulationStore:
 
         store.json              mesh hash, protocol, positions, poses, scene
         mesh.vtu                the mesh
+        probe.stl               the probe, where it is known
         pose_PPP_RRR/           one `Simulation`
         status/pose_PPP_RRR.json
         summary.json            totals, see `mixpinn.dataset.summarize`
@@ -39,7 +44,7 @@ class SimulationStore:
         protocol: how the poses were made.
         positions: listed probe positions [mm], shape (p, 3).
         poses: all that belong to it, in order.
-        scene: what else the results depend on (materials, contact, solver, probe), plain values.
+        scene: what else the results depend on (materials, contact, solver, probe): `mixpinn.fem.scene_record`.
     """
 
     folder: Path
@@ -52,7 +57,7 @@ class SimulationStore:
     @staticmethod
     def create(
         folder: Path | str, mesh: TissueMesh, *, protocol: Protocol, positions: FloatArray, poses: tuple[Pose, ...],
-        scene: Mapping[str, Any] | None = None,
+        scene: Mapping[str, Any] | None = None, probe: Probe | None = None,
     ) -> "SimulationStore":
         """Begin a store, or go on with the one that lies there if it was begun with the same settings.
 
@@ -80,6 +85,8 @@ class SimulationStore:
                 )
             return store
         mesh.save(folder / MESH)
+        if probe is not None:
+            probe.save(folder / PROBE)
         write_json(folder / RECORD, record)
         return store
 
@@ -128,9 +135,34 @@ class SimulationStore:
 
     @property
     def scene_hash(self) -> str:
-        """Identity of all settings that the results depend on."""
+        """Identity of the scene that was simulated: that of `mixpinn.fem.Scene`."""
+        return scene_hash(self.scene, self.mesh_hash)
+
+    @property
+    def identity(self) -> str:
+        """Identity of all settings that the results depend on: the scene, the protocol and the poses."""
         text = repr(sorted(self._record().items())).encode()
         return hash_arrays(np.frombuffer(text, dtype=np.uint8))
+
+    def materials(self) -> tuple[Material, ...]:
+        """The material of each tissue of the mesh that the simulations were made with.
+
+        Raises:
+            InputError: not recorded, or a class of the user's own.
+        """
+        return recorded_materials(self.scene, str(self.folder))
+
+    def contact(self) -> ContactConfig:
+        """How the probe touched the skin in the simulations.
+
+        Raises:
+            InputError: not recorded.
+        """
+        return recorded_contact(self.scene, str(self.folder))
+
+    def probe(self) -> Probe | None:
+        """The probe of the simulations; None where it was not recorded."""
+        return Probe.load(self.folder / PROBE) if (self.folder / PROBE).is_file() else None
 
     def mesh(self) -> TissueMesh:
         """The mesh of the store.

@@ -13,6 +13,7 @@ from mixpinn.fem.material.hyperelastic import (
     StableNeoHookeanLog,
 )
 from mixpinn.fem.scene import Scene
+from mixpinn.fem.scene_record import scene_hash, scene_record
 from mixpinn.fem.solve.imposed import ImposedSolution, solve_imposed
 from mixpinn.fem.solve.linear import LinearSolver, PardisoSolver, SuperLUSolver, default_solver
 from mixpinn.fem.solve.pose import PressHistory, solve_pose
@@ -25,5 +26,5 @@ __all__ = [
     "ImposedSolution", "LinearElastic", "LinearSolver", "Material", "PardisoSolver", "PoseSimulator", "PressHistory",
     "ProbePose", "QuasiStaticSolver", "Scene", "SkinSurface", "SolverConfig", "StableNeoHookean", "StableNeoHookeanLog",
     "State", "SuperLUSolver", "contact_area", "contact_model", "contact_pressure", "default_solver", "elastic_system",
-    "simulate_pose", "solve_imposed", "solve_pose",
+    "scene_hash", "scene_record", "simulate_pose", "solve_imposed", "solve_pose",
 ]

@@ -1,14 +1,12 @@
 """Scene: everything that one simulated pose depends on, but for the pose itself."""
 
-from dataclasses import dataclass, field, replace
-
-import numpy as np
+from dataclasses import dataclass, field
 
 from mixpinn.base.errors import InputError
-from mixpinn.base.files import hash_arrays
 from mixpinn.fem.contact.model import ContactConfig
 from mixpinn.fem.contact.surfaces import SkinSurface
 from mixpinn.fem.material.hyperelastic import DEFAULT_TISSUE, Material
+from mixpinn.fem.scene_record import scene_hash, scene_record
 from mixpinn.fem.solve.quasi_static import SolverConfig
 from mixpinn.geometry.probe_shapes import linear_probe
 from mixpinn.records import Probe, TissueMesh
@@ -45,7 +43,4 @@ class Scene:
 
     def hash(self) -> str:
         """Identity of all that decides the result; thread counts do not."""
-        numerics = replace(self.solver, threads=None)
-        text = f"{self.materials!r}{self.contact!r}{numerics!r}{self.mesh.hash()}{self.probe.hash()}"
-        skin = () if self.skin is None else (self.skin.nodes, self.skin.weights, self.skin.surface.triangles)
-        return hash_arrays(np.frombuffer(text.encode(), dtype=np.uint8), *skin)
+        return scene_hash(scene_record(self), self.mesh.hash())

@@ -22,12 +22,12 @@ from mixpinn.records import SampleTable, TissueMesh
 from mixpinn.reduced.equilibrium import Equilibrium
 from mixpinn.reduced.fit import HybridConfig, fit_hybrid
 from mixpinn.reduced.hybrid import HybridModel
-from mixpinn.reduced.prior import ElasticPrior
 from mixpinn.stages.anatomy import AnatomyConfig, make_anatomy
 from mixpinn.stages.evaluation import Background, EvaluationConfig, evaluate_models
 from mixpinn.stages.hybrid import SPLIT_FILE, fit_pose_model, plain_pose_model, save_bundle
 from mixpinn.stages.mesh import MeshConfig, make_mesh
-from mixpinn.stages.simulation import SimulationConfig, begin_simulations, make_scene, mesh_materials
+from mixpinn.stages.prior import cached_prior
+from mixpinn.stages.simulation import SimulationConfig, begin_simulations, make_scene
 
 BUNDLE = "bundle"
 _ROUNDS = "rounds.json"
@@ -90,7 +90,7 @@ def onboard(config: OnboardingConfig, *, out: Path | str) -> Path:
     label_map = make_anatomy(config.anatomy, out=out / "anatomy").label_map
     read = clock.seconds()
     mesh = make_mesh(label_map, config.mesh, out=out / "mesh").mesh
-    model = _prior_bundle(mesh, config, out / BUNDLE)
+    model = _prior_bundle(make_scene(mesh, config.simulation), out / BUNDLE)
     clock.note({"stage": "prior", "minutes": clock.seconds() / 60.0, "after_labels": clock.seconds() - read})
     console.print(f"The elastic prior is ready: {out / BUNDLE} can be used; simulations make it better.")
     if config.poses:
@@ -101,15 +101,13 @@ def onboard(config: OnboardingConfig, *, out: Path | str) -> Path:
     return out / BUNDLE
 
 
-def _prior_bundle(mesh: TissueMesh, config: OnboardingConfig, bundle: Path) -> HybridModel:
-    materials = mesh_materials(mesh, config.simulation.tissues, config.simulation.tissue)
+def _prior_bundle(scene: Scene, bundle: Path) -> HybridModel:
     model = HybridModel.of_prior(
-        ElasticPrior.build(mesh, materials), Equilibrium.of_materials(mesh, materials),
+        cached_prior(scene.mesh, scene.materials), Equilibrium.of_materials(scene.mesh, scene.materials),
     )
     if not (bundle / "hybrid.json").exists():
         save_bundle(model, bundle)
-        probe = make_scene(mesh, config.simulation).probe
-        save_pose_model(plain_pose_model(model, probe, config.simulation.contact), bundle)
+        save_pose_model(plain_pose_model(model, scene.probe, scene.contact), bundle)
     return model
 
 
@@ -161,16 +159,14 @@ def _fit(
     model: HybridModel, scene: Scene, table: SampleTable, poses: Any, config: OnboardingConfig,
 ) -> tuple[HybridModel, PoseModel]:
     """Fit on these poses, every fourth of them kept for calibration."""
-    materials = mesh_materials(model.mesh, config.simulation.tissues, config.simulation.tissue)
     held = [pose for index, pose in enumerate(poses) if index % 4 == 3]
     fitted = [pose for index, pose in enumerate(poses) if index % 4 != 3]
     prior = model.prior
-    missing = np.setdiff1d(table.contact_nodes, prior.nodes)
-    if len(missing):
-        prior = ElasticPrior.build(model.mesh, materials, nodes=np.union1d(prior.nodes, missing))
+    if len(np.setdiff1d(table.contact_nodes, prior.nodes)):
+        prior = cached_prior(model.mesh, scene.materials, touched=np.union1d(prior.nodes, table.contact_nodes))
     train, calibration = _samples_of(table, fitted), _samples_of(table, held)
-    hybrid = fit_hybrid(prior, materials, train, calibration, config.hybrid)
-    return hybrid, fit_pose_model(hybrid, scene.probe, config.simulation.contact, train, calibration)
+    hybrid = fit_hybrid(prior, scene.materials, train, calibration, config.hybrid)
+    return hybrid, fit_pose_model(hybrid, scene.probe, scene.contact, train, calibration)
 
 
 def _report(store: SimulationStore, last: SampleTable, config: OnboardingConfig, out: Path) -> None:
@@ -182,7 +178,7 @@ def _report(store: SimulationStore, last: SampleTable, config: OnboardingConfig,
     _, page = evaluate_models(
         [out / BUNDLE], store, last, split, EvaluationConfig(pictures=config.pictures), out=out / "evaluation",
         background=Background(
-            title="A predictor for one anatomy", simulation=config.simulation,
+            title="A predictor for one anatomy",
             introduction="The elastic prior of this anatomy with a correction learned from simulated poses, tested on "
                          "the poses of the last round, which it was not fitted on.",
         ),

@@ -77,7 +77,7 @@ def run_pipeline(config: RunConfig, *, out: Path | str, threads: int | None = No
     background = Background(
         title=config.title, introduction=_introduction(config, meshed, len(store.poses), len(table)),
         setup=_setup(anatomy, meshed), stage_seconds=dict(clock.seconds), summary=summary,
-        simulation=config.simulation, provenance={"Anatomy": {"label map": anatomy.label_map.hash()}},
+        provenance={"Anatomy": {"label map": anatomy.label_map.hash()}},
     )
     evaluations, report = clock.measure("Evaluation", lambda: evaluate_models(
         [out / "models" / name for name in config.models.names], store, table, split, config.evaluation,
@@ -93,8 +93,7 @@ def run_pipeline(config: RunConfig, *, out: Path | str, threads: int | None = No
 
 def _train(name: str, config: RunConfig, table: SampleTable, split: Split, store: SimulationStore, out: Path) -> None:
     if name == HYBRID:
-        settings = HybridStageConfig.of_simulation(config.simulation, config.models.hybrid)
-        make_hybrid(store, table, split, settings, out=out)
+        make_hybrid(store, table, split, HybridStageConfig(hybrid=config.models.hybrid), out=out)
     else:
         train_model(name, config.models, table, split, store, out=out)
 

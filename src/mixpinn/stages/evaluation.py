@@ -5,9 +5,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
-from mixpinn.base.cache import cache_folder
 from mixpinn.base.errors import InputError
 from mixpinn.base.files import hash_arrays
 from mixpinn.base.progress import console
@@ -28,11 +25,12 @@ from mixpinn.evaluation import (
     typical_sample,
     write_report,
 )
-from mixpinn.records import Evaluation, Probe, SampleTable, TissueMesh
+from mixpinn.fem import Material
+from mixpinn.fem.scene_record import BUILT_IN
+from mixpinn.records import Evaluation, SampleTable, TissueMesh
 from mixpinn.reduced.newton_steps import NewtonSteps
-from mixpinn.reduced.prior import ElasticPrior, probed_nodes
 from mixpinn.serving import AnyPredictor, HybridPredictor, Predictor, load_predictor
-from mixpinn.stages.simulation import SimulationConfig, TissueConfig, mesh_materials
+from mixpinn.stages.prior import cached_prior
 from mixpinn.stages.training import choose_samples
 
 REPORT, WEIGHTS = "report.html", ("weights.safetensors", "hybrid.safetensors")
@@ -70,7 +68,6 @@ class Background:
         setup: further tables: mesh quality, fidelity, findings.
         stage_seconds: wall time of each stage [s].
         summary: of the simulations.
-        simulation: how they were made.
         provenance: hashes and seeds by group.
     """
 
@@ -79,29 +76,13 @@ class Background:
     setup: tuple[Table, ...] = ()
     stage_seconds: Mapping[str, float] | None = None
     summary: GenerationSummary | None = None
-    simulation: SimulationConfig | None = None
     provenance: Mapping[str, Mapping[str, str]] | None = None
-
-
-def build_prior(mesh: TissueMesh, tissues: Mapping[str, TissueConfig], default: TissueConfig, table: SampleTable) -> (
-    ElasticPrior
-):
-    """The elastic prior for every node that a probe may touch or a sample touches; kept in the cache."""
-    used = [tissues.get(name, default) for name in mesh.tissue_names]
-    nodes = np.union1d(probed_nodes(mesh), table.contact_nodes)
-    key = hash_arrays(nodes, np.frombuffer(repr((mesh.hash(), used)).encode(), dtype=np.uint8))
-    folder = cache_folder("prior", key)
-    if (folder / "prior.json").exists():
-        with contextlib.suppress(InputError):  # what is damaged in the cache is made anew
-            return ElasticPrior.load(folder, mesh)
-    prior = ElasticPrior.build(mesh, [tissue.material() for tissue in used], nodes=nodes)
-    prior.save(folder)
-    return prior
 
 
 def evaluate_models(
     models: Sequence[Path | str], store: SimulationStore, table: SampleTable, split: Split, config: EvaluationConfig, *,
-    out: Path | str, background: Background | None = None, threads: int | None = None, held_out: str | None = None,
+    out: Path | str, background: Background | None = None, materials: Sequence[Material] | None = None,
+    threads: int | None = None, held_out: str | None = None,
 ) -> tuple[tuple[Evaluation, ...], Path]:
     """Evaluate trained models and the untrained baselines on the test positions; write the report.
 
@@ -114,6 +95,7 @@ def evaluate_models(
         out: run directory: one JSON a model, ``report.html``, ``results.json``, ``.csv`` and ``.md``, pictures; a
             finished evaluation there is read again.
         background: what the report tells besides.
+        materials: one for each tissue, where the store cannot tell them: a class of one's own.
         threads: CPU threads of the models.
         held_out: a hold-out by name, whose test samples are taken instead of all at the test positions.
 
@@ -121,10 +103,12 @@ def evaluate_models(
         The evaluations, and the path of the report.
 
     Raises:
-        InputError: a model of another mesh or a damaged one.
+        InputError: a model of another mesh or a damaged one; with `config.prior`, materials that are not recorded.
     """
     out, background = Path(out), background or Background()
     mesh, test = store.mesh(), held_out_samples(table, choose_samples(table, split, held_out))
+    if config.prior:
+        materials = store.materials() if materials is None else tuple(materials)
     trained = [_load(folder, mesh, threads) for folder in models]
     begun = start_run(
         out, "evaluate", config, seed=config.seed,
@@ -132,19 +116,17 @@ def evaluate_models(
             f"model {i} {Path(folder).name} {file}": Path(folder) / file
             for i, folder in enumerate(models) for file in WEIGHTS
         },
-        input_hashes={"mesh": mesh.hash(), "store": store.scene_hash, "test samples": _identity(test)},
+        input_hashes={"mesh": mesh.hash(), "store": store.identity, "test samples": _identity(test)},
     )
     if begun and is_finished(out) and (out / REPORT).is_file():
         evaluations = [Evaluation.load(path) for path in sorted(out.glob("evaluation-*.json"))]
         console.print(results_table(evaluations, with_paper=config.with_paper).rich())
         return tuple(evaluations), out / REPORT
     candidates: list[DisplacementModel] = [ZeroModel()]
-    simulation = background.simulation or SimulationConfig()
-    if config.prior:
-        prior = build_prior(mesh, simulation.tissues, simulation.tissue, table)
+    if materials is not None and config.prior:
+        prior = cached_prior(mesh, materials, touched=table.contact_nodes)
         candidates.append(prior)
         if config.newton_steps:
-            materials = mesh_materials(mesh, simulation.tissues, simulation.tissue)
             candidates.append(NewtonSteps(prior, materials, steps=config.newton_steps))
     candidates += trained
     evaluations = []
@@ -156,10 +138,9 @@ def evaluate_models(
     if config.pictures:
         shown = _shown(candidates, evaluations)
         index = typical_sample(evaluations[shown])
-        probe_file = store.folder / "probe.stl"
         case = Case.of(
             mesh, test, index, candidates[shown].predict(test.contact_field(index)), model=candidates[shown].name,
-            probe=Probe.load(probe_file) if probe_file.exists() else None,
+            probe=store.probe(),
         )
         pictures, note = render_pictures(case, out)
     histories = {Path(folder) / "history.csv": candidates[-len(models) + i].name for i, folder in enumerate(models)}
@@ -167,11 +148,11 @@ def evaluate_models(
         title=background.title, evaluations=tuple(evaluations), introduction=background.introduction,
         mesh=mesh_table(mesh, with_paper=config.with_paper),
         dataset=dataset_counts_table(dataset_table(table, split), with_paper=config.with_paper),
-        setup=background.setup, protocol=_protocol(store, simulation), pictures=pictures, picture_note=note,
+        setup=background.setup, protocol=_protocol(store, mesh.tissue_names), pictures=pictures, picture_note=note,
         loss_logs={name: path for path, name in histories.items() if path.exists()},
         stage_seconds=background.stage_seconds or {}, fem_seconds=_seconds_a_step(background.summary),
         provenance={
-            "Versions": versions(), "Identity": {"mesh": mesh.hash(), "simulations": store.scene_hash},
+            "Versions": versions(), "Identity": {"mesh": mesh.hash(), "simulations": store.identity},
             **(background.provenance or {}),
         },
         with_paper=config.with_paper, seed=config.seed,
@@ -210,21 +191,39 @@ def _seconds_a_step(summary: GenerationSummary | None) -> float | None:
     return summary.solve_seconds / summary.steps if summary is not None and summary.steps else None
 
 
-def _protocol(store: SimulationStore, simulation: SimulationConfig) -> dict[str, str]:
-    protocol, tissue = store.protocol, simulation.tissue
-    constants = (
-        f"μ = {tissue.mu} kPa, λ = {tissue.lam} kPa" if tissue.mu is not None
-        else f"E = {tissue.young} kPa, ν = {tissue.poisson}"
-    )
+def _protocol(store: SimulationStore, tissues: Sequence[str]) -> dict[str, str]:
+    protocol, told = store.protocol, {}
+    with contextlib.suppress(InputError):  # of recordings and materials of one's own not all is known
+        told = {f"Tissue: {name}": constants(m) for name, m in zip(tissues, store.materials(), strict=True)}
+    with contextlib.suppress(InputError):
+        contact = store.contact()
+        told["Contact"] = f"Coulomb friction {contact.friction}, gap {contact.gap} mm"
     return {
-        "Tissue": f"{tissue.energy} ({constants})",
-        "Contact": f"Coulomb friction {simulation.contact.friction}, gap {simulation.contact.gap} mm",
+        **told,
         "Probe positions": f"{len(store.positions)}, every {protocol.spacing:g} mm",
         "Rotations": ", ".join(f"{angle:g}°" for angle in protocol.rotations),
         "Path": f"{protocol.steps} steps of {protocol.step:g} mm along {protocol.direction}",
-        "Residual tolerance": f"{simulation.solver.tolerance:g} of the contact force",
+        "Residual tolerance": _tolerance(store),
         "Contact nodes": "mesh nodes that carry contact force",
     }
+
+
+def _tolerance(store: SimulationStore) -> str:
+    tolerance = store.scene.get("solver", {}).get("tolerance")
+    return "unknown" if tolerance is None else f"{tolerance:g} of the contact force"
+
+
+def constants(material: Material) -> str:
+    """A built-in material in words: its Lamé constants, and Young's modulus and Poisson's ratio at rest.
+
+    E = μ (3 λ + 2 μ) / (λ + μ), ν = λ / (2 (λ + μ)).
+    """
+    if type(material).__name__ not in BUILT_IN:
+        return type(material).__name__
+    mu, lam = 1e3 * float(getattr(material, "mu")), 1e3 * float(getattr(material, "lam"))  # noqa: B009
+    young, poisson = mu * (3.0 * lam + 2.0 * mu) / (lam + mu), 0.5 * lam / (lam + mu)
+    law = type(material).__name__
+    return f"{law}, μ = {mu:.7g} kPa, λ = {lam:.8g} kPa (E = {young:.3g} kPa, ν = {poisson:.3g} at rest)"
 
 
 def _slug(name: str) -> str:

@@ -1,12 +1,13 @@
 """The hybrid stage: simulations in, a predictor bundle with prior, correction and calibration out."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from mixpinn.base.files import hash_arrays
 from mixpinn.base.rundir import finish_run, is_finished, start_run
 from mixpinn.dataset import SimulationStore, Split
-from mixpinn.fem import ContactConfig
+from mixpinn.fem import ContactConfig, Material
 from mixpinn.press.contact import PriorContact
 from mixpinn.press.files import save_pose_model
 from mixpinn.press.fit import collect, fit_pose
@@ -15,12 +16,10 @@ from mixpinn.press.records import PoseContactConfig, ProbeGeometry
 from mixpinn.records import MESH_FILE, Probe, SampleTable
 from mixpinn.reduced.fit import HybridConfig, fit_hybrid
 from mixpinn.reduced.hybrid import HYBRID_FILE, HybridModel
-from mixpinn.reduced.prior import ElasticPrior
-from mixpinn.stages.evaluation import build_prior
-from mixpinn.stages.simulation import SimulationConfig, TissueConfig, mesh_materials
+from mixpinn.stages.prior import cached_prior
 from mixpinn.stages.training import choose_samples
 
-SPLIT_FILE, PROBE_FILE = "split.json", "probe.stl"
+SPLIT_FILE = "split.json"
 
 
 @dataclass(frozen=True)
@@ -28,32 +27,19 @@ class HybridStageConfig:
     """What the hybrid model is made from.
 
     Attributes:
-        tissue: of all soft tissue that `tissues` does not name: what the simulations were made with.
-        tissues: by name of the mesh's tissue.
         hybrid: modes, features and regression.
-        contact: gap and friction of the simulations, for predictions from the pose alone.
         pose: also prepare predictions from the probe's pose, where the store tells the probe.
         pose_samples: training samples, spread evenly, that contact from the pose learns from.
     """
 
-    tissue: TissueConfig = field(default_factory=TissueConfig)
-    tissues: dict[str, TissueConfig] = field(default_factory=dict)
     hybrid: HybridConfig = field(default_factory=HybridConfig)
-    contact: ContactConfig = field(default_factory=ContactConfig)
     pose: bool = True
     pose_samples: int = 2400
-
-    @staticmethod
-    def of_simulation(
-        simulation: SimulationConfig, hybrid: HybridConfig, *, pose: bool = True,
-    ) -> "HybridStageConfig":
-        """For simulations made with `simulation`."""
-        return HybridStageConfig(simulation.tissue, simulation.tissues, hybrid, simulation.contact, pose)
 
 
 def make_hybrid(
     store: SimulationStore, table: SampleTable, split: Split, config: HybridStageConfig, *, out: Path | str,
-    held_out: str | None = None,
+    materials: Sequence[Material] | None = None, held_out: str | None = None,
 ) -> HybridModel:
     """Fit the hybrid model on the training positions and calibrate it on the validation positions.
 
@@ -61,34 +47,36 @@ def make_hybrid(
         store: the simulations.
         table: their samples.
         split: of the positions.
-        config: tissue and regression.
+        config: modes and regression.
         out: run directory: the predictor bundle; a finished one is loaded.
+        materials: one for each tissue, where the store cannot tell them: a class of one's own.
         held_out: a hold-out by name whose samples neither fit nor calibration sees.
 
     Raises:
-        InputError: `out` holds another run.
+        InputError: `out` holds another run, or materials or contact of the simulations are not recorded.
     """
     out, mesh = Path(out), store.mesh()
     samples = choose_samples(table, split, held_out)
+    materials = store.materials() if materials is None else tuple(materials)
+    probe = store.probe() if config.pose and len(samples.validation) else None
+    contact = None if probe is None else store.contact()
     begun = start_run(
         out, "hybrid", config, seed=config.hybrid.seed, inputs={"store": store.folder / "store.json"},
         input_hashes={"mesh": mesh.hash(), "samples": hash_arrays(samples.train, samples.validation)},
     )
     if begun and is_finished(out) and (out / HYBRID_FILE).is_file():
         return HybridModel.load(out, mesh)
-    prior: ElasticPrior = build_prior(mesh, config.tissues, config.tissue, table)
+    prior = cached_prior(mesh, materials, touched=table.contact_nodes)
     model = fit_hybrid(
-        prior, mesh_materials(mesh, config.tissues, config.tissue), table.select(samples.train),
-        table.select(samples.validation), config.hybrid,
+        prior, materials, table.select(samples.train), table.select(samples.validation), config.hybrid,
     )
     split.save(out / SPLIT_FILE)
     save_bundle(model, out, tolerance=config.hybrid.compress)
-    probe = store.folder / PROBE_FILE
-    if config.pose and probe.is_file() and len(samples.validation):
+    if probe is not None and contact is not None:
         some = samples.train[:: max(1, len(samples.train) // config.pose_samples)]
         few = samples.validation[:: max(1, 3 * len(samples.validation) // config.pose_samples)]
         save_pose_model(
-            fit_pose_model(model, Probe.load(probe), config.contact, table.select(some), table.select(few)), out,
+            fit_pose_model(model, probe, contact, table.select(some), table.select(few)), out,
         )
     finish_run(out, {"model": model.about})
     return model

@@ -1,12 +1,12 @@
 """The simulation stage: a mesh and a protocol in, a store of simulated poses out."""
 
 import os
-from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Literal
 
 from mixpinn.base.arrays import FloatArray
+from mixpinn.base.config import build_config
 from mixpinn.base.errors import InputError
 from mixpinn.base.progress import console
 from mixpinn.base.rundir import finish_run, start_run
@@ -21,7 +21,6 @@ from mixpinn.dataset import (
     plan_poses,
     read_positions,
     save_pose_map,
-    scene_identity,
 )
 from mixpinn.fem import (
     ContactConfig,
@@ -31,14 +30,16 @@ from mixpinn.fem import (
     SolverConfig,
     StableNeoHookean,
     StableNeoHookeanLog,
+    scene_record,
 )
 from mixpinn.geometry.probe_shapes import linear_probe
 from mixpinn.records import Probe, TissueMesh
 
 STORE = "store"
+Energy = Literal["stable", "stable-log", "linear"]
 
 
-_LAWS: dict[str, type[StableNeoHookean | StableNeoHookeanLog | LinearElastic]] = {
+_LAWS: dict[Energy, type[StableNeoHookean | StableNeoHookeanLog | LinearElastic]] = {
     "stable": StableNeoHookean, "stable-log": StableNeoHookeanLog, "linear": LinearElastic,
 }
 
@@ -58,7 +59,7 @@ class TissueConfig:
     poisson: float = 0.45
     mu: float | None = None
     lam: float | None = None
-    energy: Literal["stable", "stable-log", "linear"] = "stable"
+    energy: Energy = "stable"
 
     def material(self) -> Material:
         """The constitutive law, in N/mm².
@@ -72,6 +73,20 @@ class TissueConfig:
         if self.mu is not None and self.lam is not None:
             return law(mu=self.mu * 1e-3, lam=self.lam * 1e-3)
         return law.from_young(self.young * 1e-3, self.poisson)
+
+    @staticmethod
+    def of_material(material: Material) -> "TissueConfig":
+        """The settings that give a built-in material.
+
+        Raises:
+            InputError: a class of the user's own.
+        """
+        for energy, law in _LAWS.items():
+            if isinstance(material, law):
+                return TissueConfig(mu=material.mu * 1e3, lam=material.lam * 1e3, energy=energy)
+        raise InputError(
+            "tissue", expected="a built-in material", got=type(material).__name__, fix="simulate with one of them",
+        )
 
 
 PAPER_TISSUE_CONFIG = TissueConfig(mu=8.758621, lam=84.666667)
@@ -110,11 +125,6 @@ class SimulationConfig:
             )
 
 
-def mesh_materials(mesh: TissueMesh, tissues: Mapping[str, TissueConfig], default: TissueConfig) -> Sequence[Material]:
-    """The material of each tissue of the mesh."""
-    return [tissues.get(name, default).material() for name in mesh.tissue_names]
-
-
 def make_scene(mesh: TissueMesh, config: SimulationConfig) -> Scene:
     """The scene of `config` on `mesh`.
 
@@ -127,9 +137,26 @@ def make_scene(mesh: TissueMesh, config: SimulationConfig) -> Scene:
             f"tissue {unknown[0]!r}", expected="one of " + ", ".join(mesh.tissue_names), got="another name",
             fix="name a tissue of the mesh",
         )
-    materials = tuple(mesh_materials(mesh, config.tissues, config.tissue))
+    materials = tuple(config.tissues.get(name, config.tissue).material() for name in mesh.tissue_names)
     probe = linear_probe() if config.probe is None else Probe.load(config.probe)
     return Scene(mesh, probe, materials, config.contact, config.solver)
+
+
+def settings_of(store: SimulationStore) -> SimulationConfig:
+    """Settings that simulate another protocol with the tissue and the contact of `store`.
+
+    Raises:
+        InputError: they are not recorded.
+    """
+    names, solver = store.mesh().tissue_names, dict(store.scene.get("solver", {}))
+    solver.pop("kind", None)
+    return SimulationConfig(
+        tissues={
+            name: TissueConfig.of_material(material) for name, material in zip(names, store.materials(), strict=True)
+        },
+        protocol=store.protocol, contact=store.contact(),
+        solver=build_config(SolverConfig, {"threads": 1}, solver),
+    )
 
 
 def plan(mesh: TissueMesh, config: SimulationConfig, probe: Probe) -> tuple[FloatArray, tuple[Pose, ...]]:
@@ -163,9 +190,9 @@ def begin_simulations(mesh: TissueMesh, config: SimulationConfig, *, out: Path) 
         # Planned first, so that bad positions leave nothing behind.
         positions, poses = plan(mesh, config, scene.probe)
         start()
-        scene.probe.save(out / STORE / "probe.stl")
         store = SimulationStore.create(
-            out / STORE, mesh, protocol=config.protocol, positions=positions, poses=poses, scene=scene_identity(scene),
+            out / STORE, mesh, protocol=config.protocol, positions=positions, poses=poses, scene=scene_record(scene),
+            probe=scene.probe,
         )
     return scene, store
 

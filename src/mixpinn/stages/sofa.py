@@ -1,5 +1,6 @@
 """Scenes to SOFA and recordings from SOFA, as run directories like those of our own simulations."""
 
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -7,7 +8,7 @@ import numpy as np
 from mixpinn.base.errors import InputError
 from mixpinn.base.rundir import finish_run, is_finished, start_run
 from mixpinn.dataset import SOFA_REPLAY, Pose, SimulationStore, probe_path, read_positions, summarize
-from mixpinn.interop import SofaSettings, export_sofa_scene, import_sofa
+from mixpinn.interop import SofaConstants, SofaSettings, export_sofa_scene, import_sofa
 from mixpinn.records import TissueMesh
 from mixpinn.stages.simulation import STORE, SimulationConfig, make_scene, plan
 
@@ -40,23 +41,26 @@ def export_sofa(mesh: TissueMesh, config: SimulationConfig, *, out: Path | str) 
 
 
 def import_sofa_recordings(
-    folder: Path | str, mesh: TissueMesh, *, positions: Path | str, out: Path | str,
+    folder: Path | str, mesh: TissueMesh, constants: SofaConstants, *, positions: Path | str, out: Path | str,
 ) -> SimulationStore:
     """Turn a folder of SOFA recordings into a store that training and evaluation read like our own.
 
     Args:
         folder: recordings ``pose_PPP_RRR.npz``.
         mesh: the mesh that they were made on.
+        constants: tissue and contact that they were made with.
         positions: file of the listed probe positions.
         out: run directory.
 
     Raises:
-        InputError: a recording that does not fit the mesh or the positions, or `out` holds another run.
+        InputError: a recording that does not fit the mesh or the positions, constants that are not known, or `out`
+            holds another run.
     """
     out, listed = Path(out), read_positions(positions)
+    record = constants.record(mesh.tissue_names)
     start_run(
-        out, "import sofa", {"source": str(folder)}, inputs={"positions": positions, "recordings": folder},
-        input_hashes={"mesh": mesh.hash()},
+        out, "import sofa", {"source": str(folder), **asdict(constants)},
+        inputs={"positions": positions, "recordings": folder}, input_hashes={"mesh": mesh.hash()},
     )
     if is_finished(out):
         return SimulationStore.open(out / STORE, mesh=mesh)
@@ -73,7 +77,7 @@ def import_sofa_recordings(
     }
     store = SimulationStore.create(
         out / STORE, mesh, protocol=SOFA_REPLAY, positions=np.asarray(listed), poses=tuple(poses.values()),
-        scene={"simulator": "SOFA"},
+        scene=record,
     )
     for key, pose in poses.items():
         store.save(pose, simulations[key])

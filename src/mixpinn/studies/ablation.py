@@ -3,13 +3,13 @@
 import json
 import os
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from mixpinn.base.config import build_config
+from mixpinn.base.arrays import IntArray
 from mixpinn.base.errors import InputError, MixpinnError
 from mixpinn.base.files import hash_arrays, read_json, write_json
 from mixpinn.base.progress import console
@@ -18,9 +18,9 @@ from mixpinn.dataset import SimulationStore, Split
 from mixpinn.evaluation import ZeroModel
 from mixpinn.records import SampleTable, TissueMesh
 from mixpinn.stages.anatomy import make_anatomy
-from mixpinn.stages.evaluation import build_prior
 from mixpinn.stages.mesh import make_mesh
-from mixpinn.stages.simulation import STORE, SimulationConfig, make_simulations
+from mixpinn.stages.prior import cached_prior
+from mixpinn.stages.simulation import STORE, make_simulations, settings_of
 from mixpinn.stages.training import load_samples
 from mixpinn.studies.ablation_config import AblationConfig
 from mixpinn.studies.ablation_jobs import SAMPLES, evaluate_once, evaluation_path, plan_jobs, test_set_names
@@ -30,19 +30,6 @@ from mixpinn.studies.ablation_sets import SETS, own_sets, probe_set, save_sets, 
 
 BASELINES = ("No motion", "Elastic prior")
 """The two rows of every table that need no training."""
-
-
-@dataclass(frozen=True, eq=False)
-class AblationSource:
-    """What the table is made from.
-
-    Attributes:
-        store: the simulations.
-        simulation: how they were made.
-    """
-
-    store: SimulationStore
-    simulation: SimulationConfig
 
 
 def run_ablation(
@@ -75,15 +62,15 @@ def run_ablation(
     out, config = Path(out), replace(config, train=replace(config.train, threads=threads))
     if tables_only:
         return write_finished(out, config)
-    made = _simulations(source, config, out=out, workers=workers, scheduler=scheduler)
-    table, split = load_samples(made.store, config.split)
-    mesh = made.store.mesh()
+    store = _simulations(source, config, out=out, workers=workers, scheduler=scheduler)
+    table, split = load_samples(store, config.split)
+    mesh = store.mesh()
     start_run(out, "ablate", _settings(config), input_hashes={
-        "mesh": mesh.hash(), "store": made.store.scene_hash, "split": hash_arrays(*split.parts.values()),
+        "mesh": mesh.hash(), "store": store.identity, "split": hash_arrays(*split.parts.values()),
     })
-    train = _prepare(table, split, made, config, mesh, out=out, scheduler=scheduler)
+    train = _prepare(table, split, store, config, mesh, out=out, scheduler=scheduler)
     jobs = plan_jobs(config, split, train)
-    _baselines(made, mesh, table, out)
+    _baselines(store, mesh, table, out)
     failed = run_jobs(jobs, out, workers=workers, threads=threads, scheduler=scheduler, devices=devices)
     finished = [job for job in jobs if job.name not in failed]
     report = write_ablation_report(out, finished, config, mesh)
@@ -128,13 +115,12 @@ def _settings(config: AblationConfig) -> dict[str, Any]:
 
 def _simulations(
     source: Path | str, config: AblationConfig, *, out: Path, workers: int, scheduler: str | None,
-) -> AblationSource:
+) -> SimulationStore:
     """Find the simulations, or make them, their mesh and the anatomy before."""
     path = Path(source)
     for candidate in (path / STORE, path):
         if (candidate / "store.json").is_file():
-            store = SimulationStore.open(candidate)
-            return AblationSource(store, _simulation_of(store, config.simulation))
+            return SimulationStore.open(candidate)
     if path.suffix == ".vtu" or (path / "mesh.vtu").is_file():
         mesh = TissueMesh.load(path if path.suffix == ".vtu" else path / "mesh.vtu")
     else:
@@ -145,20 +131,11 @@ def _simulations(
         mesh = make_mesh(label_map, config.mesh, out=out / "mesh").mesh
     settings = replace(config.simulation, workers=workers)
     store, _ = make_simulations(mesh, settings, out=out / "simulation", scheduler=scheduler)
-    return AblationSource(store, settings)
-
-
-def _simulation_of(store: SimulationStore, given: SimulationConfig) -> SimulationConfig:
-    """Settings that the simulations of `store` were made with: its record's, else `given` with its protocol."""
-    record = store.folder.parent / "run.json"
-    values = read_json(record) if record.exists() else {}
-    if values.get("stage") == "simulate":
-        return build_config(SimulationConfig, values["config"])
-    return replace(given, protocol=store.protocol)
+    return store
 
 
 def _prepare(
-    table: SampleTable, split: Split, made: AblationSource, config: AblationConfig, mesh: TissueMesh, *, out: Path,
+    table: SampleTable, split: Split, store: SimulationStore, config: AblationConfig, mesh: TissueMesh, *, out: Path,
     scheduler: str | None,
 ) -> SampleTable:
     """Training samples; they, the validation samples and all test sets are written for the workers, once."""
@@ -176,9 +153,9 @@ def _prepare(
         return train
     sets = own_sets(table, split, config)
     if config.other_probe is not None:
-        where = np.array(made.store.positions)[split.test]
+        where = np.array(store.positions)[split.test]
         sets["probe"] = probe_set(
-            mesh, made.simulation, config, config.other_probe, where, out=out / "other-probe-simulation",
+            mesh, settings_of(store), config, config.other_probe, where, out=out / "other-probe-simulation",
             scheduler=scheduler,
         )
     split.save(out / "split.json")
@@ -187,12 +164,12 @@ def _prepare(
     return train
 
 
-def _baselines(made: AblationSource, mesh: TissueMesh, table: SampleTable, out: Path) -> None:
+def _baselines(store: SimulationStore, mesh: TissueMesh, table: SampleTable, out: Path) -> None:
     """Evaluate on every test set what needs no training."""
     folders: list[tuple[str, Callable[[], object]]] = [
         ("no-motion", ZeroModel),
-        ("elastic-prior", lambda: build_prior(
-            mesh, made.simulation.tissues, made.simulation.tissue, _contacts(out, table),
+        ("elastic-prior", lambda: cached_prior(
+            mesh, store.materials(), touched=_contacts(out, table),
         )),
     ]
     for name, build in folders:
@@ -204,9 +181,9 @@ def _baselines(made: AblationSource, mesh: TissueMesh, table: SampleTable, out: 
             )
 
 
-def _contacts(out: Path, table: SampleTable) -> SampleTable:
-    """The samples whose contact nodes the prior must know: the table's, and the other probe's."""
+def _contacts(out: Path, table: SampleTable) -> IntArray:
+    """Contact nodes that the prior must know: the table's, and the other probe's."""
     other = out / SAMPLES / "probe"
     if not (other / "samples.json").exists():
-        return table
-    return replace(table, contact_nodes=np.union1d(table.contact_nodes, SampleTable.load(other).contact_nodes))
+        return table.contact_nodes
+    return np.union1d(table.contact_nodes, SampleTable.load(other).contact_nodes)

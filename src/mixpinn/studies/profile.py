@@ -138,9 +138,8 @@ def _solver(name: str, mesh: TissueMesh, config: ProfileConfig, out: Path) -> tu
 def _prior(name: str, mesh: TissueMesh, samples: SampleTable, config: ProfileConfig) -> Timing:
     import torch
 
-    tissues = [config.simulation.tissues.get(tissue, config.simulation.tissue) for tissue in mesh.tissue_names]
     nodes = np.unique(samples.contact_nodes)
-    prior = ElasticPrior.build(mesh, [tissue.material() for tissue in tissues], nodes=nodes)
+    prior = ElasticPrior.build(mesh, make_scene(mesh, config.simulation).materials, nodes=nodes)
     torch.set_num_threads(config.threads)
     seconds = []
     for turn in range(-2, config.repeats):

@@ -1,0 +1,120 @@
+"""The record of a scene: what results depend on besides mesh and path, as plain values, and what is read back from it.
+
+A store of simulations keeps this record; whoever needs the materials or the contact of the simulations asks the store,
+so that no second copy of them exists. The hash of the record with that of the mesh is the identity of the scene.
+"""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import fields, is_dataclass
+from typing import Any
+
+import numpy as np
+
+from mixpinn.base.config import build_config
+from mixpinn.base.errors import InputError
+from mixpinn.base.files import hash_arrays
+from mixpinn.fem.contact.model import ContactConfig
+from mixpinn.fem.material.hyperelastic import LinearElastic, Material, StableNeoHookean, StableNeoHookeanLog
+from mixpinn.records import Probe, TissueMesh
+
+KIND = "kind"
+"""Name of a recorded object's class."""
+
+BUILT_IN: dict[str, type[StableNeoHookean | StableNeoHookeanLog | LinearElastic]] = {
+    law.__name__: law for law in (StableNeoHookean, StableNeoHookeanLog, LinearElastic)
+}
+"""Materials that a record can be turned back into."""
+
+_SAY_IT = (
+    "import the recordings into another folder and say what they were made with (--paper-constants, --scene, or "
+    "tissue.mu, tissue.lam and contact.*)"
+)
+
+
+def scene_record(scene: object) -> dict[str, Any]:
+    """What results depend on besides mesh and path, as plain values that survive a round trip through JSON.
+
+    The probe counts by the hash of its geometry; the mesh is left out (it has its own hash), and so are thread
+    counts, which change how fast a result comes but not what it is.
+
+    Args:
+        scene: a frozen dataclass, such as `mixpinn.fem.Scene`.
+    """
+    assert is_dataclass(scene)
+    record = {field.name: plain(getattr(scene, field.name)) for field in fields(scene) if field.name != "mesh"}
+    return {key: value for key, value in record.items() if value is not None}
+
+
+def scene_hash(record: Mapping[str, Any], mesh_hash: str) -> str:
+    """Identity of a scene from its record and the hash of its mesh, 16 hex digits."""
+    text = json.dumps({"mesh": mesh_hash, **record}, sort_keys=True)
+    return hash_arrays(np.frombuffer(text.encode(), dtype=np.uint8))
+
+
+def plain(value: Any) -> Any:
+    """A setting as plain values: objects by the name of their class and their fields, geometry by its hash."""
+    if isinstance(value, Probe | TissueMesh):
+        return value.hash()
+    if isinstance(value, np.ndarray):
+        return hash_arrays(value)
+    if is_dataclass(value) and not isinstance(value, type):
+        return {KIND: _kind(value)} | {
+            field.name: plain(getattr(value, field.name)) for field in fields(value) if field.name != "threads"
+        }
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    if isinstance(value, np.generic):
+        return value.item()
+    return value if isinstance(value, str | int | float | bool | None) else _kind(value)
+
+
+def _kind(value: object) -> str:
+    """Name of the value's class, with its module where it is not one of this package."""
+    kind = type(value)
+    return kind.__name__ if kind.__module__.startswith("mixpinn.") else f"{kind.__module__}.{kind.__qualname__}"
+
+
+def recorded_materials(record: Mapping[str, Any], where: str) -> tuple[Material, ...]:
+    """One material for each tissue of the mesh, rebuilt from the record of a scene.
+
+    Args:
+        record: what `scene_record` made.
+        where: whose record it is, for the message.
+
+    Raises:
+        InputError: the record says nothing of materials, or names a class of the user's, which it cannot rebuild.
+    """
+    entries = record.get("materials")
+    if not isinstance(entries, Sequence) or isinstance(entries, str) or not entries:
+        raise InputError(where, expected="recorded constants of the tissue", got="none", fix=_SAY_IT)
+    return tuple(_material(entry, where) for entry in entries)
+
+
+def _material(entry: Any, where: str) -> Material:
+    kind = entry.get(KIND) if isinstance(entry, Mapping) else entry
+    if kind not in BUILT_IN:
+        raise InputError(
+            where, expected="materials of " + ", ".join(BUILT_IN), got=f"the class {kind!r}, which is not built in",
+            fix="call the stage from Python and pass the material objects (materials=...)",
+        )
+    constants = {key: value for key, value in entry.items() if key != KIND} if isinstance(entry, Mapping) else {}
+    return build_config(BUILT_IN[kind], constants)
+
+
+def recorded_contact(record: Mapping[str, Any], where: str) -> ContactConfig:
+    """Gap, friction and stiffness of contact, read back from the record of a scene.
+
+    Recordings of other programs know gap, alarm distance and friction; the rest then has its defaults.
+
+    Raises:
+        InputError: the record says nothing of them.
+    """
+    entry = record.get("contact")
+    missing = [name for name in ("gap", "friction") if not isinstance(entry, Mapping) or name not in entry]
+    if missing:
+        raise InputError(where, expected="recorded contact settings", got=f"no {' and no '.join(missing)}", fix=_SAY_IT)
+    assert isinstance(entry, Mapping)
+    return build_config(ContactConfig, {key: value for key, value in entry.items() if key != KIND})
