@@ -4,7 +4,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mixpinn.base.errors import InputError
-from mixpinn.mesh import check_cells, orient_cells, signed_volumes
+from mixpinn.mesh import check_cells, orient_cells
+from mixpinn.records.tetrahedra import signed_volumes
 
 from .shapes import box_mesh
 

@@ -1,6 +1,6 @@
 import numpy as np
 
-from mixpinn.fem.elements.cells import shape_gradients
+from mixpinn.geometry.tetrahedra import shape_gradients
 from mixpinn.physics.given_stress import cell_blocks_of_tangent, cell_forces_of_stress
 from mixpinn.physics.linear_tetrahedron import LOCAL_PAIRS
 

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from fem.block_mesh import block
-from mixpinn.fem.elements.cells import shape_gradients
 from mixpinn.fem.material.hyperelastic import LinearElastic, StableNeoHookean, StableNeoHookeanLog
+from mixpinn.geometry.tetrahedra import shape_gradients
 from mixpinn.physics import linear_tetrahedron as kernels
 
 MATERIALS = [StableNeoHookean(mu=1.0, lam=2.0), StableNeoHookeanLog(mu=1.0, lam=2.0), LinearElastic(mu=1.0, lam=2.0)]

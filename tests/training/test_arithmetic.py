@@ -11,7 +11,8 @@ SCRIPT = """
 import sys
 import numpy as np, scipy.sparse as sp, torch
 from mixpinn.fem import PardisoSolver
-import mixpinn.training
+from mixpinn.training import settle_arithmetic
+settle_arithmetic()
 if sys.argv[1] == "solver":
     solver = PardisoSolver(threads=1)
     solver.factorize(sp.csr_matrix(sp.eye(50) * 4.0))

@@ -35,7 +35,6 @@ from mixpinn.dataset.protocol import (
     Protocol,
     list_poses,
     probe_path,
-    probe_rotation,
     read_positions,
 )
 from mixpinn.dataset.sample_table import ContactRule, build_sample_table, table_of
@@ -44,6 +43,7 @@ from mixpinn.dataset.status import PoseState, PoseStatus
 from mixpinn.dataset.store import SimulationStore
 from mixpinn.dataset.summary import GenerationSummary, summarize
 from mixpinn.dataset.worker import Runner, run_pose
+from mixpinn.geometry.probe_pose import probe_rotation
 
 __all__ = [
     "ANATOMY",

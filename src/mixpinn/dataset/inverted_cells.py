@@ -11,9 +11,9 @@ from mixpinn.base.errors import InputError
 from mixpinn.base.files import read_json, write_json
 from mixpinn.dataset.status import PoseState, PoseStatus
 from mixpinn.dataset.store import SimulationStore
-from mixpinn.mesh.orientation import signed_volumes
 from mixpinn.mesh.quality import radius_ratios
 from mixpinn.records import Simulation, TissueMesh
+from mixpinn.records.tetrahedra import signed_volumes
 
 KNOWN = "inverted.json"
 

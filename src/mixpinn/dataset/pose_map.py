@@ -9,9 +9,9 @@ import numpy as np
 
 from mixpinn.base.files import atomic_path
 from mixpinn.dataset.positions import plane_axes
-from mixpinn.dataset.protocol import probe_rotation
 from mixpinn.dataset.status import PoseState, PoseStatus
 from mixpinn.dataset.store import SimulationStore
+from mixpinn.geometry.probe_pose import probe_rotation
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -6,6 +6,7 @@ import numpy as np
 
 from mixpinn.base.arrays import FloatArray
 from mixpinn.dataset.protocol import Pose
+from mixpinn.geometry.farthest_points import farthest_first as farthest_points_first
 
 TURN = 20.0
 """A quarter turn of the probe counts like this distance between positions [mm]."""
@@ -14,8 +15,8 @@ TURN = 20.0
 def farthest_first(poses: Sequence[Pose]) -> tuple[Pose, ...]:
     """The poses, each as far as possible from all before it; the first is the most central one.
 
-    Distances are those between positions, a turn counting as `TURN` mm for 90°; a probe turned by 180° is the same
-    (T. F. Gonzalez, Theoretical Computer Science 38, 1985: twice as dense at most as the densest such subset).
+    Distances are those between positions, a turn counting as `TURN` mm for 90°; a probe turned by 180° is the same.
+    The order is that of `mixpinn.geometry.farthest_points`.
     """
     if not poses:
         return ()
@@ -29,11 +30,4 @@ def farthest_first(poses: Sequence[Pose]) -> tuple[Pose, ...]:
         return np.sqrt(squared)
 
     first = int(((places - places.mean(axis=0)) ** 2).sum(axis=1).argmin())
-    order, nearest = [first], distance(first)
-    nearest[first] = -1.0
-    while len(order) < len(poses):
-        following = int(nearest.argmax())
-        order.append(following)
-        nearest = np.minimum(nearest, distance(following))
-        nearest[order] = -1.0
-    return tuple(poses[index] for index in order)
+    return tuple(poses[index] for index in farthest_points_first(distance, first=first, count=len(poses)))

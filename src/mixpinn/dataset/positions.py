@@ -7,8 +7,10 @@ import numpy as np
 from mixpinn.base.arrays import FloatArray, IntArray
 from mixpinn.base.errors import InputError
 from mixpinn.base.progress import track
-from mixpinn.dataset.protocol import Pose, Protocol, list_poses, probe_rotation
+from mixpinn.dataset.protocol import Pose, Protocol, list_poses
+from mixpinn.geometry.farthest_points import distances_between, farthest_first
 from mixpinn.geometry.first_touch import first_touch
+from mixpinn.geometry.probe_pose import probe_rotation
 from mixpinn.records import Probe, TissueMesh
 
 
@@ -65,11 +67,8 @@ def thin_positions(positions: FloatArray, count: int | None) -> FloatArray:
     """
     if count is None or len(positions) <= count:
         return positions
-    chosen = [int(np.argmin(np.linalg.norm(positions - positions.mean(axis=0), axis=1)))]
-    distance = np.linalg.norm(positions - positions[chosen[0]], axis=1)
-    while len(chosen) < count:
-        chosen.append(int(np.argmax(distance)))
-        distance = np.minimum(distance, np.linalg.norm(positions - positions[chosen[-1]], axis=1))
+    first = int(np.argmin(np.linalg.norm(positions - positions.mean(axis=0), axis=1)))
+    chosen = farthest_first(distances_between(positions), first=first, count=count)
     return positions[np.sort(chosen)]
 
 

@@ -9,10 +9,8 @@ import numpy as np
 
 from mixpinn.base.arrays import FloatArray
 from mixpinn.base.errors import InputError
+from mixpinn.geometry.probe_pose import probe_rotation
 from mixpinn.records import ProbePath
-
-PROBE_AXIS = np.array([0.0, -1.0, 0.0])
-"""The direction in which a probe points in its own frame."""
 
 
 @dataclass(frozen=True)
@@ -122,30 +120,6 @@ def list_poses(positions: FloatArray, protocol: Protocol) -> tuple[Pose, ...]:
         Pose(index, (float(x), float(y), float(z)), float(rotation))
         for index, (x, y, z) in enumerate(positions) for rotation in protocol.rotations
     )
-
-
-def probe_rotation(rotation_deg: float, direction: Sequence[float] | FloatArray = (0.0, -1.0, 0.0)) -> FloatArray:
-    """Rotation matrix that turns the probe about its axis and then points it along `direction`, shape (3, 3).
-
-    R = A · R_y(θ), with R_y the right-handed rotation about +y and A the shortest turn from −y to `direction`. Close
-    to +y, where the shortest turn is ill-defined, A is half a turn about z and then the shortest one from +y.
-    """
-    angle = np.deg2rad(rotation_deg)
-    cosine, sine = np.cos(angle), np.sin(angle)
-    about_axis = np.array([[cosine, 0.0, sine], [0.0, 1.0, 0.0], [-sine, 0.0, cosine]])
-    target = np.asarray(direction, dtype=np.float64)
-    target = np.asarray(target / np.linalg.norm(target), dtype=np.float64)
-    if float(PROBE_AXIS @ target) < -0.99:
-        return _shortest_turn(-PROBE_AXIS, target) @ np.diag([-1.0, -1.0, 1.0]) @ about_axis
-    return _shortest_turn(PROBE_AXIS, target) @ about_axis
-
-
-def _shortest_turn(start: FloatArray, end: FloatArray) -> FloatArray:
-    """Rodrigues: I + [v]× + [v]×² / (1 + c) with v = start × end and c = start · end > −1, unit vectors."""
-    x, y, z = np.cross(start, end)
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    turn: FloatArray = np.eye(3) + cross + cross @ cross / (1.0 + float(start @ end))
-    return turn
 
 
 def probe_path(position: Sequence[float] | FloatArray, rotation_deg: float, protocol: Protocol) -> ProbePath:

@@ -1,6 +1,6 @@
 """Finite elements: material, rigid bodies, contact and the quasi-static solve."""
 
-from mixpinn.fem.contact.model import ContactConfig, ContactModel, ProbePose
+from mixpinn.fem.contact.model import ContactConfig, ContactModel
 from mixpinn.fem.contact.pressure import ContactPressure, contact_area, contact_pressure
 from mixpinn.fem.contact.surfaces import SkinSurface
 from mixpinn.fem.elements.system import ElasticSystem, State
@@ -20,6 +20,7 @@ from mixpinn.fem.solve.pose import PressHistory, solve_pose
 from mixpinn.fem.solve.pose_simulator import PoseSimulator, simulate_pose
 from mixpinn.fem.solve.quasi_static import QuasiStaticSolver, SolverConfig
 from mixpinn.fem.solve.scene_models import contact_model, elastic_system
+from mixpinn.geometry.probe_pose import ProbePose
 
 __all__ = [
     "DEFAULT_TISSUE", "PAPER_TISSUE", "ContactConfig", "ContactModel", "ContactPressure", "ElasticSystem",

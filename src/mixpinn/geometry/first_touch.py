@@ -6,12 +6,11 @@ import numpy as np
 
 from mixpinn.base.arrays import FloatArray, IntArray
 from mixpinn.base.errors import InputError
+from mixpinn.geometry.probe_pose import PROBE_AXIS
 from mixpinn.records import Probe
 
 if TYPE_CHECKING:
     import pyvista as pv
-
-_AXIS = np.array([0.0, -1.0, 0.0])
 
 
 def first_touch(
@@ -41,7 +40,7 @@ def first_touch(
     """
     import pyvista as pv
 
-    direction, axes = rotation @ _AXIS, rotation[:, [0, 2]].T
+    direction, axes = rotation @ PROBE_AXIS, rotation[:, [0, 2]].T
     tool = probe.points @ rotation.T
     reach = np.linalg.norm(tool @ axes.T, axis=1).max() + gap
     corners = (points[triangles] - position) @ axes.T

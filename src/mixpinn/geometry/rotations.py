@@ -1,8 +1,8 @@
-"""Finite rotations: the exponential map, its inverse, and the nearest rotation of a matrix."""
+"""Finite rotations: the exponential map, its inverse, turns about y, and the nearest rotation of a matrix."""
 
 import numpy as np
 
-from mixpinn.base.arrays import FloatArray
+from mixpinn.base.arrays import AnyArray, FloatArray
 
 
 def skew(vectors: FloatArray) -> FloatArray:
@@ -70,6 +70,23 @@ def vector_from_rotation(rotations: FloatArray) -> FloatArray:
     # w = θ · axis = 2 (θ/2) / sin(θ/2) · (x, y, z)
     vector: FloatArray = 2.0 / np.sinc(half_angle / np.pi) * quaternion[..., 1:]
     return vector
+
+
+def rotation_about_y(angle_deg: AnyArray | float) -> FloatArray:
+    """Right-handed rotations about +y.
+
+    Args:
+        angle_deg: [degree], any shape (...).
+
+    Returns:
+        Shape (..., 3, 3).
+    """
+    angle = np.deg2rad(np.asarray(angle_deg, dtype=np.float64))
+    turn = np.zeros((*angle.shape, 3, 3))
+    turn[..., 0, 0] = turn[..., 2, 2] = np.cos(angle)
+    turn[..., 0, 2], turn[..., 2, 0] = np.sin(angle), -np.sin(angle)
+    turn[..., 1, 1] = 1.0
+    return turn
 
 
 def orthonormalise(rotations: FloatArray) -> FloatArray:

@@ -10,6 +10,7 @@ from mixpinn.base.arrays import AnyArray, FloatArray, IntArray
 from mixpinn.base.errors import InputError
 from mixpinn.base.progress import track
 from mixpinn.geometry.rigid_fit import fit_rotation
+from mixpinn.geometry.rotations import rotation_about_y
 from mixpinn.records import ProbePath, Simulation, TissueMesh
 
 MICROMETRE = 1e-3
@@ -113,12 +114,6 @@ def import_sofa(
         raise InputError(str(folder), expected="recordings pose_PPP_RRR.npz", got="none", fix="check the folder")
     for path in track(files, "read SOFA recordings"):
         yield read_sofa_recording(path, mesh)
-
-
-def rotation_about_y(angle_deg: float) -> FloatArray:
-    """Right-handed rotation about +y, shape (3, 3)."""
-    cosine, sine = np.cos(np.deg2rad(angle_deg)), np.sin(np.deg2rad(angle_deg))
-    return np.array([[cosine, 0.0, sine], [0.0, 1.0, 0.0], [-sine, 0.0, cosine]])
 
 
 def _simulation(

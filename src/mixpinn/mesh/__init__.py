@@ -7,7 +7,7 @@ from mixpinn.mesh.fidelity import MeshFidelity, StructureFidelity, mesh_fidelity
 from mixpinn.mesh.import_vtu import import_vtu, load_paper_mesh
 from mixpinn.mesh.label import PartContacts, fixed_nodes, label_mesh, part_contacts
 from mixpinn.mesh.mesher import PAPER_SIZING, Mesher, Sizing, has_cgal
-from mixpinn.mesh.orientation import check_cells, orient_cells, signed_volumes
+from mixpinn.mesh.orientation import check_cells, orient_cells
 from mixpinn.mesh.picture import draw_mesh
 from mixpinn.mesh.quality import MeshQuality, dihedral_angles, mesh_quality, radius_ratios
 from mixpinn.mesh.refine import refine
@@ -21,5 +21,5 @@ __all__ = [
     "SurfaceConfig", "TetwildMesher", "check_cells", "check_surface", "check_surfaces", "dihedral_angles", "draw_mesh",
     "extract_surfaces", "fixed_nodes", "has_cgal", "import_vtu", "label_mesh", "load_paper_mesh",
     "mesh_fidelity", "mesh_quality", "mesh_statistics", "orient_cells", "part_contacts",
-    "radius_ratios", "refine", "self_intersections", "signed_volumes", "voxel_parts",
+    "radius_ratios", "refine", "self_intersections", "voxel_parts",
 ]

@@ -11,6 +11,7 @@ import numpy as np
 from mixpinn.base.arrays import FloatArray, Int32Array, IntArray
 from mixpinn.base.errors import InputError
 from mixpinn.base.files import write_json
+from mixpinn.geometry.farthest_points import distances_between, farthest_first
 from mixpinn.mesh.cgal_worker import NOT_CLOSED
 from mixpinn.mesh.mesher import Sizing, has_cgal, tidy
 from mixpinn.mesh.surface import DomainSurfaces
@@ -74,12 +75,8 @@ class CgalMesher:
 
 def spread_points(points: FloatArray, count: int) -> FloatArray:
     """`count` of the points, each as far as possible from those before it; shape (count, 3)."""
-    chosen = [int(points[:, 1].argmax())]
-    distance = np.full(len(points), np.inf)
-    while len(chosen) < min(count, len(points)):
-        distance = np.minimum(distance, ((points - points[chosen[-1]]) ** 2).sum(axis=1))
-        chosen.append(int(distance.argmax()))
-    return points[chosen]
+    first = int(points[:, 1].argmax())
+    return points[farthest_first(distances_between(points), first=first, count=count)]
 
 
 def _write_off(path: Path, points: FloatArray, triangles: IntArray) -> None:

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from mixpinn.mesh.quality import dihedral_angles
-from mixpinn.records.tissue_mesh import TETRA_FACES, TissueMesh
+from mixpinn.records.tetrahedra import TETRA_FACES
+from mixpinn.records.tissue_mesh import TissueMesh
 
 FLAT = 140.0
 """Two faces of the skin that meet at more than this angle [degree] are about one plane."""

@@ -8,7 +8,8 @@ from mixpinn.base.arrays import AnyArray, BoolArray, FloatArray, Int32Array
 from mixpinn.base.errors import InputError
 from mixpinn.mesh.surface import DomainSurfaces
 from mixpinn.records.label_map import LabelMap
-from mixpinn.records.tissue_mesh import TETRA_FACES, TissueMesh
+from mixpinn.records.tetrahedra import TETRA_FACES
+from mixpinn.records.tissue_mesh import TissueMesh
 
 FIXED_DEPTH = 30.0
 """Skin nodes within this distance of the most anterior point are fixed [mm]."""

@@ -4,17 +4,10 @@ import numpy as np
 
 from mixpinn.base.arrays import AnyArray, FloatArray, Int32Array
 from mixpinn.base.errors import InputError
-from mixpinn.records.tissue_mesh import TETRA_FACES
+from mixpinn.records.tetrahedra import TETRA_FACES, signed_volumes
 
 ZERO_VOLUME = 1e-9
 """A cell counts as flat where its volume is below this fraction of its longest edge cubed."""
-
-
-def signed_volumes(points: FloatArray, cells: AnyArray) -> FloatArray:
-    """Signed volume of each cell [mm³], shape (m,): (b − a) × (c − a) · (d − a) / 6."""
-    a, b, c, d = np.moveaxis(points[cells], 1, 0)
-    volumes: FloatArray = np.einsum("ij,ij->i", np.cross(b - a, c - a), d - a) / 6.0
-    return volumes
 
 
 def orient_cells(points: FloatArray, cells: AnyArray) -> Int32Array:

@@ -6,8 +6,8 @@ import numpy as np
 
 from mixpinn.base.arrays import AnyArray, FloatArray
 from mixpinn.mesh.label import part_contacts
-from mixpinn.mesh.orientation import signed_volumes
-from mixpinn.records.tissue_mesh import TETRA_FACES, TissueMesh
+from mixpinn.records.tetrahedra import TETRA_FACES, signed_volumes
+from mixpinn.records.tissue_mesh import TissueMesh
 
 _SLIVER = 5.0
 """A cell with a dihedral angle below this is counted as a sliver [degree]."""

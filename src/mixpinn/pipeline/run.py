@@ -20,6 +20,7 @@ from mixpinn.stages.mesh import MeshResult, make_mesh
 from mixpinn.stages.setup_tables import fidelity_table, findings_table, quality_table
 from mixpinn.stages.simulation import make_simulations
 from mixpinn.stages.training import HYBRID, load_samples, train_model
+from mixpinn.training import settle_arithmetic
 
 T = TypeVar("T")
 TIMES = "stage_seconds.json"
@@ -59,6 +60,7 @@ def run_pipeline(config: RunConfig, *, out: Path | str, threads: int | None = No
     settings = asdict(config)
     del settings["simulation"]["workers"]  # decides when, not what
     start_run(out, "run", settings)
+    settle_arithmetic()  # before anything is solved in this process
     clock = _Clock(out / TIMES)
     anatomy = clock.measure("Anatomy", lambda: make_anatomy(config.anatomy, out=out / "anatomy"))
     meshed = clock.measure("Mesh", lambda: make_mesh(anatomy.label_map, config.mesh, out=out / "mesh"))

@@ -12,13 +12,11 @@ from mixpinn.base.arrays import AnyArray, BoolArray, FloatArray, Int32Array, Int
 from mixpinn.base.errors import InputError
 from mixpinn.base.files import hash_arrays
 from mixpinn.records.label_map import SCANNER_TO_WORLD
+from mixpinn.records.tetrahedra import TETRA_FACES, signed_volumes
 from mixpinn.records.vtk_file import write_vtk
 
 MESH_FILE = "mesh.vtu"
 """Name of the mesh in every folder that holds one."""
-
-TETRA_FACES = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])
-"""Faces of a positively oriented tetrahedron, each opposite its vertex, normals outward."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,8 +82,13 @@ class TissueMesh:
     @cached_property
     def cell_volumes(self) -> FloatArray:
         """Signed volume of each cell [mm³], shape (m,)."""
-        a, b, c, d = np.moveaxis(self.points[self.cells], 1, 0)
-        return np.einsum("ij,ij->i", np.cross(b - a, c - a), d - a) / 6.0
+        return signed_volumes(self.points, self.cells)
+
+    @cached_property
+    def deforming_cells(self) -> BoolArray:
+        """Cells that can change shape: not all nodes fixed, nor all in one rigid part; shape (m,)."""
+        group = np.where(self.part > 0, self.part.astype(np.int64), np.where(self.fixed, -1, 0))[self.cells]
+        return (group == 0).any(axis=1) | (group != group[:, :1]).any(axis=1)
 
     def part_nodes(self, k: int) -> IntArray:
         """Node ids of rigid part k (1 … K), or of the soft tissue for k = 0."""

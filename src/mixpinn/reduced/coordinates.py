@@ -7,16 +7,11 @@ each rigid part: the unknowns of `mixpinn.fem.ElasticSystem`, without the solver
 from functools import cached_property
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from mixpinn.base.arrays import AnyArray, Float32Array, FloatArray, IntArray
+from mixpinn.geometry.rigid_fit import fit_rotation
+from mixpinn.geometry.rotations import rotation_from_vector, vector_from_rotation
 from mixpinn.records import TissueMesh
-
-
-def rotations(vectors: AnyArray) -> FloatArray:
-    """Rotation matrices of rotation vectors (K, 3) [rad], shape (K, 3, 3)."""
-    matrices: FloatArray = Rotation.from_rotvec(np.asarray(vectors, dtype=np.float64).reshape(-1, 3)).as_matrix()
-    return matrices
 
 
 class ReducedCoordinates:
@@ -73,21 +68,20 @@ class ReducedCoordinates:
     def place_parts(self, unknowns: AnyArray, field: AnyArray) -> None:
         """Write the motion t + (R − 1) (X − c) of the rigid parts' nodes into `field` (n, 3), in its precision."""
         twists = self.twists(unknowns)
-        turns = rotations(twists[:, 3:]) - np.eye(3)
+        turns = rotation_from_vector(twists[:, 3:]) - np.eye(3)
         for nodes, arm, twist, turn in zip(self.parts, self.arms, twists, turns, strict=True):
             field[nodes] = twist[:3] + arm @ turn.T
 
     def project(self, field: AnyArray) -> FloatArray:
         """Unknowns [mm, rad], shape (D,), of a field [mm], shape (n, 3), that moves the parts rigidly.
 
-        Rotations by least squares (W. Kabsch, Acta Crystallographica A32, 1976).
+        Rotations by least squares (`fit_rotation`).
         """
         unknowns = np.empty(self.size)
         unknowns[: self.n_soft] = np.asarray(field)[self.free].ravel()
         for k, (nodes, arm) in enumerate(zip(self.parts, self.arms, strict=True)):
             moved = arm + np.asarray(field, dtype=np.float64)[nodes]
             shift = moved.mean(axis=0)
-            u, _, vt = np.linalg.svd((moved - shift).T @ arm)
-            turn = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
-            unknowns[self.n_soft + 6 * k:][:6] = [*shift, *Rotation.from_matrix(turn).as_rotvec()]
+            turn = vector_from_rotation(fit_rotation(arm, moved))
+            unknowns[self.n_soft + 6 * k:][:6] = [*shift, *turn]
         return unknowns

@@ -11,6 +11,7 @@ move by the finite rotation of their twist, so that their edges keep their lengt
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -42,14 +43,29 @@ def contact_nodes(contact_displacement: AnyArray) -> IntArray:
 class ContactSystem:
     """Some contact nodes of a prior, held together: l nodes.
 
+    Rows and unknowns cost nothing; the block of the compliance is factorized when `solve` first needs it.
+
     Attributes:
         rows: their rows in the compliance, shape (3 l,).
         unknowns: the reduced unknowns that are their displacements, shape (3 l,).
     """
 
     def __init__(self, rows: IntArray, unknowns: IntArray, own: FloatArray) -> None:
-        self.rows, self.unknowns = rows, unknowns
-        self._factor = scipy.linalg.cho_factor(own, lower=True, overwrite_a=True, check_finite=False)
+        """Name the nodes.
+
+        Args:
+            rows, unknowns: see above.
+            own: compliance of all contact nodes of the prior among themselves [mm/N], shape (3 c, 3 c).
+        """
+        self.rows, self.unknowns, self._own = rows, unknowns, own
+
+    @cached_property
+    def _factor(self) -> tuple[FloatArray, bool]:
+        block = self._own[np.ix_(self.rows, self.rows)]
+        factor: tuple[FloatArray, bool] = scipy.linalg.cho_factor(
+            block, lower=True, overwrite_a=True, check_finite=False,
+        )
+        return factor
 
     def solve(self, displacement: AnyArray) -> FloatArray:
         """Forces [N], shape (3 l,), that displace the nodes by `displacement` [mm], shape (3 l,)."""
@@ -123,47 +139,19 @@ class ElasticPrior:
             InputError: a node that the prior was not prepared for.
         """
         rows = self._rows(nodes)
-        own: FloatArray = self._own[np.ix_(rows, rows)]  # type: ignore[attr-defined]
         first: IntArray = self._first_unknown[rows[::3] // 3]  # type: ignore[attr-defined]
-        return ContactSystem(rows, (first[:, None] + np.arange(3)).ravel(), own)
+        return ContactSystem(rows, (first[:, None] + np.arange(3)).ravel(), self.own_compliance)
 
     @staticmethod
     def build(
         mesh: TissueMesh, materials: "Sequence[Material]", *, nodes: IntArray | None = None,
         linear: "LinearSolver | None" = None, chunk: int = 96,
     ) -> "ElasticPrior":
-        """Factorize the rest-state stiffness and solve for every contact node.
+        """The prior of a body; see `mixpinn.reduced.build_prior`."""
+        # Imported here: building brings the solver, answering does without it.
+        from mixpinn.reduced.build_prior import build_prior
 
-        Args:
-            mesh: the mesh.
-            materials: one for each tissue.
-            nodes: contact nodes to prepare, shape (c,); by default `probed_nodes`.
-            linear: sparse direct solver.
-            chunk: right-hand sides at a time.
-
-        Raises:
-            InputError: a node is fixed or rigid, or there is none.
-        """
-        from mixpinn.base.progress import track
-        from mixpinn.fem import ElasticSystem, default_solver
-
-        nodes = probed_nodes(mesh) if nodes is None else np.unique(nodes)
-        if not len(nodes) or (mesh.part[nodes] > 0).any() or mesh.fixed[nodes].any():
-            raise InputError(
-                "contact nodes", expected="free soft nodes of the mesh", got="none, or fixed or rigid ones",
-                fix="choose nodes of the probed skin",
-            )
-        system = ElasticSystem(mesh, materials)
-        linear = linear or default_solver()
-        linear.factorize(system.tangent(system.rest_state(), project=True))
-        unknowns = system.node_dofs(nodes).ravel()
-        compliance = np.empty((len(unknowns), system.n_dofs), dtype=np.float32)
-        for start in track(range(0, len(unknowns), chunk), "elastic prior"):
-            columns = unknowns[start : start + chunk]
-            forces = np.zeros((system.n_dofs, len(columns)))
-            forces[columns, np.arange(len(columns))] = 1.0
-            compliance[start : start + len(columns)] = linear.solve(forces).T
-        return ElasticPrior(mesh, nodes, compliance)
+        return build_prior(mesh, materials, nodes=nodes, linear=linear, chunk=chunk)
 
     def respond(self, nodes: AnyArray, displacement: AnyArray) -> tuple[FloatArray, FloatArray]:
         """The reduced unknowns and the contact forces that go with imposed displacements.

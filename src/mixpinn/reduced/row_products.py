@@ -1,9 +1,9 @@
 """Products with chosen rows of a large single-precision matrix that may lie on disk: the rows are never copied.
 
-Each sum runs in the same order whatever the number of threads.
+Each call runs in the caller's thread and keeps nothing, so that several threads may ask at once.
 """
 
-from numba import njit, prange
+from numba import njit
 from numpy import float32
 
 from mixpinn.base.arrays import Float32Array, IntArray
@@ -11,11 +11,11 @@ from mixpinn.base.arrays import Float32Array, IntArray
 _CHUNKS = 64
 
 
-@njit(parallel=True, fastmath=True, cache=True)
+@njit(fastmath=True, cache=True, nogil=True)
 def combine_rows(matrix: Float32Array, rows: IntArray, factors: Float32Array, out: Float32Array) -> None:
     """out += Σ_k factors_k matrix[rows_k]."""
     size = len(out)
-    for chunk in prange(_CHUNKS):
+    for chunk in range(_CHUNKS):
         start, stop = chunk * size // _CHUNKS, (chunk + 1) * size // _CHUNKS
         whole = len(rows) - len(rows) % 4
         # Four rows at a time: the sum is read and written once for four products.
@@ -30,12 +30,11 @@ def combine_rows(matrix: Float32Array, rows: IntArray, factors: Float32Array, ou
                 out[i] += fa * a[i]
 
 
-@njit(parallel=True, fastmath=True, cache=True)
+@njit(fastmath=True, cache=True, nogil=True)
 def rows_times(matrix: Float32Array, rows: IntArray, vector: Float32Array, out: Float32Array) -> None:
     """out_k = matrix[rows_k] · vector."""
-    for chunk in prange(_CHUNKS):
-        for k in range(chunk * len(rows) // _CHUNKS, (chunk + 1) * len(rows) // _CHUNKS):
-            row, total = matrix[rows[k]], float32(0.0)
-            for i in range(len(vector)):
-                total += row[i] * vector[i]
-            out[k] = total
+    for k in range(len(rows)):
+        row, total = matrix[rows[k]], float32(0.0)
+        for i in range(len(vector)):
+            total += row[i] * vector[i]
+        out[k] = total

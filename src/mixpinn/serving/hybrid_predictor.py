@@ -1,16 +1,16 @@
 """HybridPredictor: a predictor bundle loaded once, with error estimates and refinement by the true solver."""
 
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numba
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from mixpinn.base.arrays import AnyArray, Float32Array, FloatArray
 from mixpinn.base.errors import InputError
+from mixpinn.geometry.probe_pose import probe_rotation
 from mixpinn.records import MESH_FILE, Prediction, TissueMesh
 from mixpinn.reduced.hybrid import POSE_FILE, HybridModel, HybridState
 from mixpinn.reduced.prior import contact_nodes
@@ -72,7 +72,7 @@ class HybridPredictor:
         name: of the model, for tables.
         model: prior, modes, gain and calibration.
         mesh: the mesh that it belongs to.
-        threads: CPU threads of a prediction; None leaves them as they are.
+        threads: for the predictor of a network; a hybrid prediction runs in the thread that asks for it.
         pose: contact from the probe's pose; None where the bundle has none.
         loading_seconds: how long loading and warming up took [s].
 
@@ -98,7 +98,7 @@ class HybridPredictor:
         Args:
             folder: what fitting the hybrid model wrote.
             mesh: the mesh that it is to be used on; None takes the folder's own.
-            threads: CPU threads of a prediction; None leaves them as they are.
+            threads: for the predictor of a network; a hybrid prediction runs in the thread that asks for it.
             name: for tables.
 
         Raises:
@@ -137,7 +137,6 @@ class HybridPredictor:
             InputError: another shape, values that are not finite, or nodes that the prior was not prepared for.
         """
         field = checked_field(contact_displacement, n_nodes=self.mesh.n_points)
-        self._set_threads()
         return self.model.predict(field)
 
     def predict_at(
@@ -153,7 +152,7 @@ class HybridPredictor:
 
     def press(
         self, tips: AnyArray, *, rotation_deg: AnyArray | None = None, rotations: AnyArray | None = None,
-        history: "ContactHistory | None" = None,
+        direction: Sequence[float] = (0.0, -1.0, 0.0), history: "ContactHistory | None" = None,
     ) -> "PosePrediction":
         """Deformation from the poses of one or several probes that press at the same time.
 
@@ -162,7 +161,8 @@ class HybridPredictor:
 
         Args:
             tips: position of each probe's tip [mm], shape (k, 3).
-            rotation_deg: rotation of each about its pressing direction −y [degree], shape (k,); zero by default.
+            rotation_deg: rotation of each about its pressing direction [degree], shape (k,); zero by default.
+            direction: in which all press that are given by their `rotation_deg`, shape (3,).
             rotations: rotation matrix of each instead, shape (k, 3, 3).
             history: of an earlier answer.
 
@@ -174,11 +174,10 @@ class HybridPredictor:
                 self.name, expected="a bundle that takes poses", got="one that was made without a probe",
                 fix="fit the hybrid model on simulations of this project",
             )
-        self._set_threads()
         tips = np.asarray(tips, dtype=np.float64).reshape(-1, 3)
         if rotations is None:
             degrees = np.zeros(len(tips)) if rotation_deg is None else np.asarray(rotation_deg, dtype=np.float64)
-            rotations = Rotation.from_euler("y", degrees.reshape(-1, 1), degrees=True).as_matrix()
+            rotations = probe_rotation(degrees.reshape(-1), direction)
         return self.pose.predict(rotations, tips, probes=[0] * len(tips), history=history)
 
     def assess(self, nodes: AnyArray, displacements: AnyArray) -> Assessment | None:
@@ -227,7 +226,6 @@ class HybridPredictor:
 
     def _state(self, nodes: AnyArray, displacements: AnyArray) -> HybridState:
         field = contact_field(nodes, displacements, n_nodes=self.mesh.n_points)
-        self._set_threads()
         found = contact_nodes(field)
         if not len(found):
             raise InputError(
@@ -235,7 +233,3 @@ class HybridPredictor:
                 fix="give the displacement of the nodes that the probe moves",
             )
         return self.model.solve(found, field[found])
-
-    def _set_threads(self) -> None:
-        if self.threads is not None:
-            numba.set_num_threads(min(self.threads, numba.config.NUMBA_NUM_THREADS))

@@ -10,8 +10,9 @@ def settle_arithmetic() -> None:
     """Let torch choose the kernels of its matrix products now.
 
     torch and the sparse solver bring a copy each of the same library. If the solver's is in use before torch has
-    multiplied its first matrices, some products come out different in their last digits, and a training that is gone on
-    with in another process would leave the loss curve that it began.
+    multiplied its first matrices, some products come out different in their last digits, and a training that continues
+    in another process would leave the loss curve that it began. Every training calls this; a process that solves before
+    it trains calls it first.
     """
     for rows, inner, columns in _SHAPES:
         left, right = torch.ones(rows, inner), torch.ones(inner, columns)
@@ -20,5 +21,3 @@ def settle_arithmetic() -> None:
         torch.mm(left.T, product)
         torch.mv(left, right[:, 0].contiguous())
 
-
-settle_arithmetic()

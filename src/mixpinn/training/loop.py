@@ -17,6 +17,7 @@ from mixpinn.base.progress import console
 from mixpinn.graph import MeshGraph
 from mixpinn.networks import DisplacementModel, ModelConfig, build_graph_for, describe_training, save_checkpoint
 from mixpinn.records import SampleTable, TissueMesh
+from mixpinn.training.arithmetic import settle_arithmetic
 from mixpinn.training.batches import batches
 from mixpinn.training.config import TrainConfig
 from mixpinn.training.history import EpochRecord, StopReason, TrainingResult, read_history, write_history
@@ -121,6 +122,7 @@ def _surroundings(config: TrainConfig) -> Iterator[None]:
 def _run(fabric: "Fabric", job: TrainingJob) -> StopReason:
     """The whole run as one process sees it."""
     config, leads = job.config, fabric.is_global_zero
+    settle_arithmetic()
     with _surroundings(config):
         graph = build_graph_for(job.model_config, job.mesh)
         module = new_model(job.model_config, graph, job.table_train, seed=epoch_seed(config.seed, 0))

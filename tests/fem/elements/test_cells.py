@@ -2,17 +2,9 @@ import numpy as np
 import pytest
 
 from fem.block_mesh import block
-from mixpinn.fem.elements.cells import ElasticCells, shape_gradients
+from mixpinn.fem.elements.cells import ElasticCells
 from mixpinn.fem.elements.ranges import RangeRunner
 from mixpinn.fem.material.hyperelastic import LinearElastic, StableNeoHookean
-
-
-def test_shape_gradients_of_the_unit_tetrahedron_in_either_orientation():
-    points = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
-    gradients, volumes = shape_gradients(points, np.array([[0, 1, 2, 3], [0, 2, 1, 3]]))
-    np.testing.assert_allclose(volumes, [1 / 6, 1 / 6])
-    np.testing.assert_allclose(gradients[0], [[-1, -1, -1], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
-    np.testing.assert_allclose(gradients[1], [[-1, -1, -1], [0, 1, 0], [1, 0, 0], [0, 0, 1]])
 
 
 def test_each_cell_takes_the_material_of_its_tissue():

@@ -33,10 +33,10 @@ regularization). N is that of the current iterate, its derivative included in th
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from mixpinn.base.arrays import BoolArray, FloatArray, IntArray
 from mixpinn.fem.contact.surfaces import SkinPatch, SkinSurface
+from mixpinn.geometry.probe_pose import ProbePose
 from mixpinn.geometry.probe_surface import ProbeSurface
 from mixpinn.geometry.proximity import Proximity, proximity
 from mixpinn.geometry.triangle_search import points_inside, triangles_within
@@ -64,26 +64,6 @@ class ContactConfig:
     smoothing: float = 0.02
     spacing: float = 2.0
     dragging: bool = True
-
-
-@dataclass(frozen=True, eq=False)
-class ProbePose:
-    """Rigid placement of the probe: rotation (3, 3) and tip position [mm] (3,)."""
-
-    rotation: FloatArray
-    translation: FloatArray
-
-    def place(self, points: FloatArray) -> FloatArray:
-        """World positions of points of the probe's frame, shape (p, 3) [mm]."""
-        return points @ self.rotation.T + self.translation
-
-    def towards(self, other: "ProbePose", fraction: float) -> "ProbePose":
-        """The pose at `fraction` of the screw-free motion to `other`."""
-        turn = Rotation.from_matrix(other.rotation @ self.rotation.T).as_rotvec()
-        return ProbePose(
-            Rotation.from_rotvec(fraction * turn).as_matrix() @ self.rotation,
-            (1.0 - fraction) * self.translation + fraction * other.translation,
-        )
 
 
 @dataclass(frozen=True, eq=False)

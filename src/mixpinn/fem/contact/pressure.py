@@ -6,6 +6,7 @@ import numpy as np
 
 from mixpinn.base.arrays import FloatArray, IntArray
 from mixpinn.base.errors import InputError
+from mixpinn.geometry.probe_pose import PROBE_AXIS
 from mixpinn.geometry.proximity import Triangulation, proximity
 from mixpinn.records import Probe, Simulation, TissueMesh
 
@@ -62,7 +63,7 @@ def contact_pressure(
     """
     _check(mesh, simulation, step)
     if direction is None:
-        direction = simulation.path.rotations[step] @ np.array([0.0, -1.0, 0.0])
+        direction = simulation.path.rotations[step] @ PROBE_AXIS
     nodes, forces = simulation.contacts(step)
     a, b, c = np.moveaxis((mesh.points + simulation.displacement[step])[mesh.skin_faces], 1, 0)
     facing = np.maximum(-0.5 * np.cross(b - a, c - a) @ direction, 0.0) / 3.0

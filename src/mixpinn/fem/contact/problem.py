@@ -5,9 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from mixpinn.base.arrays import BoolArray, FloatArray
-from mixpinn.fem.contact.model import ContactModel, FrictionFrame, ProbePose
+from mixpinn.fem.contact.model import ContactModel, FrictionFrame
 from mixpinn.fem.contact.pair_kernel import evaluate
 from mixpinn.fem.contact.surfaces import SkinPatch
+from mixpinn.geometry.probe_pose import ProbePose
 from mixpinn.geometry.triangle_search import close_pairs, points_beneath
 
 _MARGIN = 2.0

@@ -9,6 +9,7 @@ from mixpinn.fem.elements import assembly
 from mixpinn.fem.elements.pattern import NodePairs, incidence
 from mixpinn.fem.elements.ranges import RangeRunner
 from mixpinn.fem.material.hyperelastic import LinearElastic, Material, StableNeoHookean, StableNeoHookeanLog
+from mixpinn.geometry.tetrahedra import shape_gradients
 from mixpinn.physics import given_stress as kernels_given
 from mixpinn.physics import linear_tetrahedron as kernels
 from mixpinn.physics.projection import project_tangents
@@ -17,27 +18,6 @@ _COMPILED: dict[type, int] = {
     StableNeoHookean: kernels.STABLE, StableNeoHookeanLog: kernels.STABLE_LOG, LinearElastic: kernels.LINEAR,
 }
 _OTHER = len(_COMPILED)
-
-
-def shape_gradients(points: FloatArray, cells: IntArray) -> tuple[FloatArray, FloatArray]:
-    """Gradients G_a of the linear shape functions and volumes, whatever the orientation of the cells.
-
-    Args:
-        points: [mm], shape (n, 3).
-        cells: shape (m, 4).
-
-    Returns:
-        Gradients [1/mm], shape (m, 4, 3); volumes [mm³], shape (m,).
-    """
-    corners = points[cells]
-    edges = corners[:, 1:] - corners[:, :1]
-    determinant = np.linalg.det(edges)
-    gradients = np.empty((len(cells), 4, 3))
-    # G_1 = (e_2 × e_3)/det and cyclic; Σ_a G_a = 0
-    for a in range(3):
-        gradients[:, a + 1] = np.cross(edges[:, (a + 1) % 3], edges[:, (a + 2) % 3]) / determinant[:, None]
-    gradients[:, 0] = -gradients[:, 1:].sum(axis=1)
-    return gradients, np.abs(determinant) / 6.0
 
 
 class ElasticCells:

@@ -9,13 +9,14 @@ import scipy.sparse as sp
 from mixpinn.base.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from mixpinn.base.errors import InputError
 from mixpinn.fem.elements import assembly
-from mixpinn.fem.elements.cells import ElasticCells, shape_gradients
+from mixpinn.fem.elements.cells import ElasticCells
 from mixpinn.fem.elements.input_check import check_elastic_input
 from mixpinn.fem.elements.pattern import NodePairs, Reduction
 from mixpinn.fem.elements.ranges import RangeRunner
 from mixpinn.fem.material.hyperelastic import Material
 from mixpinn.fem.rigid.parts import RigidParts, geometric_stiffness
 from mixpinn.geometry.rotations import orthonormalise, rotation_from_vector, vector_from_rotation
+from mixpinn.geometry.tetrahedra import shape_gradients
 from mixpinn.physics import linear_tetrahedron as kernels
 from mixpinn.records import TissueMesh
 
@@ -84,8 +85,7 @@ class ElasticSystem:
 
         self._all_cells = np.sort(np.asarray(mesh.cells, dtype=np.int64), axis=1)
         self._all_gradients, _ = shape_gradients(self._rest, self._all_cells)
-        group = np.where(self._part > 0, self._part, np.where(mesh.fixed, -1, 0))[self._all_cells]
-        deforms = (group == 0).any(axis=1) | (group != group[:, :1]).any(axis=1)
+        deforms = mesh.deforming_cells
         self._elastic = ElasticCells(
             self._rest, self._all_cells[deforms], mesh.tissue[deforms], materials, self._run,
         )

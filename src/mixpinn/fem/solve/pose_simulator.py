@@ -8,13 +8,14 @@ import numpy as np
 
 from mixpinn.base.arrays import FloatArray, IntArray
 from mixpinn.base.errors import InputError
-from mixpinn.fem.contact.model import ContactModel, ProbePose
+from mixpinn.fem.contact.model import ContactModel
 from mixpinn.fem.contact.surfaces import SkinPatch
 from mixpinn.fem.elements.system import ElasticSystem, State
 from mixpinn.fem.scene import Scene
 from mixpinn.fem.solve.linear import LinearSolver
 from mixpinn.fem.solve.quasi_static import Balance, QuasiStaticSolver
 from mixpinn.fem.solve.scene_models import contact_model, elastic_system
+from mixpinn.geometry.probe_pose import ProbePose
 from mixpinn.records import ProbePath, Simulation
 
 NO_FORCE = 1e-6
@@ -140,7 +141,7 @@ class PoseSimulator:
                 got=f"{inside} probe points under the skin at the first step",
                 fix="start higher above the skin (a longer approach) or check the frame of the positions",
             )
-        backwards, pose = first.rotation @ np.array([0.0, 1.0, 0.0]), first
+        backwards, pose = -first.axis, first
         for _ in range(20):
             if distance >= gap:
                 break

@@ -16,13 +16,14 @@ import scipy.sparse as sp
 
 from mixpinn.base.arrays import BoolArray, FloatArray, IntArray
 from mixpinn.base.errors import SolveError
-from mixpinn.fem.contact.model import ContactModel, FrictionFrame, ProbePose
+from mixpinn.fem.contact.model import ContactModel, FrictionFrame
 from mixpinn.fem.contact.problem import ContactForces, ContactProblem
 from mixpinn.fem.contact.surfaces import SkinPatch
 from mixpinn.fem.contact.unknowns import ContactUnknowns
 from mixpinn.fem.elements.system import ElasticSystem, State
 from mixpinn.fem.solve.linear import LinearSolver, default_solver, symmetric_product
 from mixpinn.fem.solve.quasi_newton import UpdatedInverse
+from mixpinn.geometry.probe_pose import ProbePose
 from mixpinn.physics.condensed_contact import solve_condensed
 
 

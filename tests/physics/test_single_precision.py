@@ -1,0 +1,26 @@
+"""The material in single precision is that of the solver's kernels in double precision."""
+
+import numpy as np
+
+from mixpinn.geometry.tetrahedra import shape_gradients
+from mixpinn.physics.linear_tetrahedron import STABLE, cell_forces
+from mixpinn.physics.single_precision import add_stable_forces
+
+
+def test_both_kernels_state_one_law():
+    rng = np.random.default_rng(4)
+    points = 10.0 * rng.normal(size=(40, 3))
+    cells = np.array([rng.permutation(40)[:4] for _ in range(60)])
+    gradients, volumes = shape_gradients(points, cells)
+    moved = 0.5 * rng.normal(size=(40, 3))
+    mu, lam = rng.uniform(5e-3, 2e-2, 60), rng.uniform(5e-2, 2e-1, 60)
+    each = np.empty((60, 4, 3))
+    cell_forces(0, 60, cells, moved, gradients, volumes, np.full(60, STABLE), mu, lam, each)
+    expected = np.zeros((40, 3))
+    np.add.at(expected, cells, each)
+    found = np.zeros((40, 3), np.float32)
+    add_stable_forces(
+        cells.astype(np.int32), moved.astype(np.float32), gradients[:, 1:].reshape(-1, 9).astype(np.float32),
+        volumes.astype(np.float32), mu.astype(np.float32), lam.astype(np.float32), found,
+    )
+    np.testing.assert_allclose(found, expected, atol=1e-5 * np.abs(expected).max())
