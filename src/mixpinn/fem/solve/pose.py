@@ -6,19 +6,17 @@ import numpy as np
 
 from mixpinn.base.arrays import FloatArray
 from mixpinn.base.errors import InputError
-from mixpinn.fem.contact.model import ProbePose
 from mixpinn.fem.contact.surfaces import SkinSurface
 from mixpinn.fem.scene import Scene
 from mixpinn.fem.solve.pose_simulator import Equilibrium, PoseSimulator, simulator_of
 from mixpinn.geometry.first_touch import first_touch
+from mixpinn.geometry.probe_pose import ProbePose
 from mixpinn.geometry.rotations import vector_from_rotation
 from mixpinn.records import ProbePath, Simulation
 from mixpinn.records.answer import Answer, Contact, Motion, Source, Trust, discretisation_of
 
 STEP = 1.0
 """Length of a step of the path [mm]."""
-
-_AXIS = np.array([0.0, -1.0, 0.0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +101,7 @@ def _straight_path(scene: Scene, target: ProbePose) -> ProbePath | None:
         )
     except InputError:  # nothing in the probe's way
         return None
-    direction = target.rotation @ _AXIS
+    direction = target.axis
     depth = float((target.translation - touch) @ direction)
     if depth <= 0.0:
         return None
