@@ -1,8 +1,12 @@
+import os
+import subprocess
+import sys
+
 import pytest
 
 from mixpinn.base.errors import InputError
 from mixpinn.base.files import read_json
-from mixpinn.base.rundir import finish_run, is_finished, start_run, withdraw_unused_runs
+from mixpinn.base.rundir import finish_run, is_finished, leave_run, start_run, withdraw_unused_runs
 
 
 def test_same_run_goes_on_and_another_is_refused(tmp_path):
@@ -51,3 +55,21 @@ def test_run_begun_earlier_stays(tmp_path):
     start_run(tmp_path / "earlier", "stage", {})
     withdraw_unused_runs()
     assert (tmp_path / "earlier" / "run.json").exists()
+
+
+def test_another_process_is_refused_until_the_run_is_finished(tmp_path):
+    code = "import sys; from mixpinn.base.rundir import start_run; start_run(sys.argv[1], 'stage', {})"
+
+    def other():
+        return subprocess.run([sys.executable, "-c", code, tmp_path], capture_output=True, text=True, check=False)
+
+    start_run(tmp_path, "stage", {})
+    refused = other()
+    assert refused.returncode != 0
+    assert f"process {os.getpid()} at work in it" in refused.stderr
+    finish_run(tmp_path, {})
+    assert other().returncode == 0
+    start_run(tmp_path, "stage", {})
+    assert other().returncode != 0
+    leave_run(tmp_path)
+    assert other().returncode == 0

@@ -64,6 +64,7 @@ def atomic_path(path: Path | str) -> Iterator[Path]:
     temporary = folder / path.name
     try:
         yield temporary
+        _to_disk(temporary)
         os.replace(temporary, path)
     except IsADirectoryError as error:
         raise InputError(
@@ -73,6 +74,16 @@ def atomic_path(path: Path | str) -> Iterator[Path]:
         raise _no_room(path, error) from error
     finally:
         shutil.rmtree(folder, ignore_errors=True)
+
+
+def _to_disk(path: Path) -> None:
+    """Have the system write a file, or the files of a folder, before its name says that it is complete."""
+    for part in [path] if path.is_file() else [part for part in path.rglob("*") if part.is_file()]:
+        descriptor = os.open(part, os.O_RDONLY)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)
 
 
 def write_text(path: Path | str, text: str) -> None:

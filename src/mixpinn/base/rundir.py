@@ -11,6 +11,7 @@ from typing import Any
 
 from mixpinn.base.errors import InputError
 from mixpinn.base.files import hash_file, make_folder, read_json, write_json
+from mixpinn.base.lock import acquire, release
 
 RECORD = "run.json"
 _begun: list[tuple[Path, bool]] = []
@@ -36,8 +37,12 @@ def _hash_inputs(inputs: Mapping[str, Path | str]) -> dict[str, str]:
         if path.is_file():
             hashes[name] = hash_file(path)
         elif path.is_dir():
-            hashes.update({f"{name}/{p.name}": hash_file(p) for p in sorted(path.iterdir()) if p.is_file()})
+            hashes.update({f"{name}/{p.name}": hash_file(p) for p in _visible_files(path)})
     return hashes
+
+
+def _visible_files(folder: Path) -> list[Path]:
+    return sorted(path for path in folder.iterdir() if path.is_file() and not path.name.startswith("."))
 
 
 def start_run(
@@ -51,7 +56,8 @@ def start_run(
         finished work may be kept; False where the folder is new.
 
     Raises:
-        InputError: the folder holds another run, or its path is that of a file.
+        InputError: the folder holds another run, its path is that of a file, or another process works in it. This
+            process keeps the folder to itself until `finish_run` or `leave_run`, or until it ends.
     """
     folder = Path(folder)
     existed = folder.is_dir()
@@ -61,12 +67,14 @@ def start_run(
         "stage": stage, "seed": seed, "config": _jsonable(settings),
         "inputs": {**_hash_inputs(inputs or {}), **(input_hashes or {})},
     }
+    acquire(folder)
     record = folder / RECORD
     if record.exists():
         before = read_json(record)
         if {key: before.get(key) for key in identity} == identity:
             return True
         changed = ", ".join(key for key in identity if before.get(key) != identity[key])
+        release(folder)
         raise InputError(
             str(folder), expected=f"an empty folder or the same {stage} run", got=f"a run with another {changed}",
             fix="choose another output folder or delete this one",
@@ -88,6 +96,7 @@ def withdraw_unused_runs() -> None:
     """
     while _begun:
         folder, existed = _begun.pop()
+        release(folder)
         if folder.is_dir() and [path.name for path in folder.iterdir()] == [RECORD]:
             (folder / RECORD).unlink()
             if not existed:
@@ -95,11 +104,17 @@ def withdraw_unused_runs() -> None:
 
 
 def finish_run(folder: Path | str, results: Mapping[str, Any]) -> None:
-    """Add `results` and the time of completion to the run's record."""
+    """Add `results` and the time of completion to the run's record, and let other processes in."""
     record = Path(folder) / RECORD
     write_json(record, {
         **read_json(record), "results": dict(results), "finished": datetime.now(UTC).isoformat(timespec="seconds"),
     })
+    release(folder)
+
+
+def leave_run(folder: Path | str) -> None:
+    """Let other processes into a run directory whose finished results were only read."""
+    release(folder)
 
 
 def is_finished(folder: Path | str) -> bool:

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from mixpinn.base.errors import InputError
+from mixpinn.base.lock import locked
 from mixpinn.base.progress import progress_bar
 from mixpinn.dataset.dask_pool import run_dask
 from mixpinn.dataset.local_pool import run_local
@@ -50,10 +51,20 @@ def generate(
 
     Raises:
         InputError: fewer than one worker or thread, poses that do not belong to the store, a scene of another mesh,
-            or a store that cannot be written.
+            a store that cannot be written, or one that another process simulates into.
     """
     _check(scene, poses, store, workers, threads)
-    runner = runner or fem_runner()
+    with locked(store.folder):
+        return _generate(
+            scene, poses, store, workers=workers, threads=threads, runner=runner or fem_runner(), scheduler=scheduler,
+            retry_failed=retry_failed,
+        )
+
+
+def _generate(
+    scene: Any, poses: Sequence[Pose], store: SimulationStore, *, workers: int, threads: int, runner: Runner,
+    scheduler: str | None, retry_failed: bool,
+) -> GenerationSummary:
     store.clear_unfinished()
     left_out = {PoseState.DONE} if retry_failed else {PoseState.DONE, PoseState.FAILED}
     open_poses = [pose for pose in poses if store.status(pose).state not in left_out]

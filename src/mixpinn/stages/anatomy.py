@@ -18,7 +18,7 @@ from mixpinn.anatomy.segmentation import Segmentation
 from mixpinn.anatomy.select import select_files
 from mixpinn.base.errors import InputError
 from mixpinn.base.files import read_json, write_json
-from mixpinn.base.rundir import RECORD, finish_run, is_finished, start_run
+from mixpinn.base.rundir import RECORD, finish_run, is_finished, leave_run, start_run
 from mixpinn.records.label_map import LabelMap
 
 LABELS_FILE, FINDINGS_FILE, PICTURE_FILE = "labels.nii.gz", "findings.json", "labels.png"
@@ -86,7 +86,9 @@ def make_anatomy(config: AnatomyConfig, *, out: Path | str | None = None) -> Ana
         start_run(out, "anatomy", config, inputs=inputs, seed=config.seed)
         if is_finished(out):
             with contextlib.suppress(InputError):  # a file that has since been lost or damaged is made anew
-                return _load(out)
+                found = _load(out)
+                leave_run(out)
+                return found
         result = _compute(config)
     else:
         result = _compute(config)

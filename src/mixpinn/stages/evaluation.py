@@ -8,7 +8,7 @@ from pathlib import Path
 from mixpinn.base.errors import InputError
 from mixpinn.base.files import hash_arrays
 from mixpinn.base.progress import console
-from mixpinn.base.rundir import finish_run, is_finished, start_run, versions
+from mixpinn.base.rundir import finish_run, is_finished, leave_run, start_run, versions
 from mixpinn.dataset import GenerationSummary, SimulationStore, Split, dataset_table, held_out_samples
 from mixpinn.evaluation import (
     Case,
@@ -119,6 +119,7 @@ def evaluate_models(
         input_hashes={"mesh": mesh.hash(), "store": store.identity, "test samples": _identity(test)},
     )
     if begun and is_finished(out) and (out / REPORT).is_file():
+        leave_run(out)
         evaluations = [Evaluation.load(path) for path in sorted(out.glob("evaluation-*.json"))]
         console.print(results_table(evaluations, with_paper=config.with_paper).rich())
         return tuple(evaluations), out / REPORT

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from mixpinn.base.files import hash_arrays
-from mixpinn.base.rundir import finish_run, is_finished, start_run
+from mixpinn.base.rundir import finish_run, is_finished, leave_run, start_run
 from mixpinn.dataset import SimulationStore, Split
 from mixpinn.fem import ContactConfig, Material
 from mixpinn.press.contact import PriorContact
@@ -65,6 +65,7 @@ def make_hybrid(
         input_hashes={"mesh": mesh.hash(), "samples": hash_arrays(samples.train, samples.validation)},
     )
     if begun and is_finished(out) and (out / HYBRID_FILE).is_file():
+        leave_run(out)
         return HybridModel.load(out, mesh)
     prior = cached_prior(mesh, materials, touched=table.contact_nodes)
     model = fit_hybrid(

@@ -9,7 +9,7 @@ from mixpinn.base.config import build_config
 from mixpinn.base.errors import InputError
 from mixpinn.base.files import read_json, write_json, write_text
 from mixpinn.base.progress import console, progress_bar
-from mixpinn.base.rundir import finish_run, is_finished, start_run
+from mixpinn.base.rundir import finish_run, is_finished, leave_run, start_run
 from mixpinn.mesh.cgal_mesher import CgalMesher
 from mixpinn.mesh.check_surface import check_surfaces
 from mixpinn.mesh.ears import peel_flat_ears
@@ -111,6 +111,7 @@ def make_mesh(
     else:
         begun = start_run(out, "mesh", config, input_hashes={"source": source.hash()})
     if begun and is_finished(out):
+        leave_run(out)
         return MeshResult.load(out)
     result = _measure(*_build(source, config))
     result.mesh.save(out / "mesh.vtu")
