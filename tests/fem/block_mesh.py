@@ -50,3 +50,16 @@ def two_bones(counts: tuple[int, int, int] = (6, 3, 3)) -> TissueMesh:
     central = (np.abs(y - 15.0) < 10.0) & (np.abs(z - 17.0) < 12.0)
     part = np.where(central & (x > 5) & (x < 25), 1, 0) + np.where(central & (x > 35) & (x < 55), 2, 0)
     return labelled(mesh.points, mesh.cells, part=part, fixed=(z < 1e-9) & (part == 0))
+
+
+def carved(mesh: TissueMesh) -> TissueMesh:
+    """The mesh without the cells inside rigid parts, which become cavities as in the meshes of patients."""
+    group = mesh.part[mesh.cells]
+    soft = (group == 0).any(axis=1) | (group != group[:, :1]).any(axis=1)
+    used = np.unique(mesh.cells[soft])
+    index = np.full(mesh.n_points, -1)
+    index[used] = np.arange(len(used))
+    return labelled(
+        mesh.points[used], index[mesh.cells[soft]], part=mesh.part[used], fixed=mesh.fixed[used],
+        tissue=mesh.tissue[soft],
+    )

@@ -1,8 +1,8 @@
 import numpy as np
 
 from mixpinn.geometry.tetrahedra import shape_gradients
+from mixpinn.physics.energies import LOCAL_PAIRS
 from mixpinn.physics.given_stress import cell_blocks_of_tangent, cell_forces_of_stress
-from mixpinn.physics.linear_tetrahedron import LOCAL_PAIRS
 
 POINTS = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
 

@@ -3,7 +3,8 @@
 import numpy as np
 
 from mixpinn.geometry.tetrahedra import shape_gradients
-from mixpinn.physics.linear_tetrahedron import STABLE, cell_forces
+from mixpinn.physics.energies import STABLE
+from mixpinn.physics.linear_tetrahedron import cell_forces
 from mixpinn.physics.single_precision import add_stable_forces
 
 

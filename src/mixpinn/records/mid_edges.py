@@ -1,12 +1,16 @@
 """What the middle of an edge belongs to: the rule for mid-edge nodes and for the nodes of a refined mesh."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from mixpinn.base.arrays import AnyArray, BoolArray
-from mixpinn.records.tissue_mesh import TissueMesh
+
+if TYPE_CHECKING:
+    from mixpinn.records.tissue_mesh import TissueMesh
 
 
-def mid_edge_labels(mesh: TissueMesh) -> tuple[AnyArray, BoolArray]:
+def mid_edge_labels(mesh: "TissueMesh") -> tuple[AnyArray, BoolArray]:
     """Part and fixity of a node in the middle of each of `mesh.edges`.
 
     An edge from one wall of a rigid part to another of its walls runs through tissue, and its middle is soft though
@@ -29,7 +33,7 @@ def mid_edge_labels(mesh: TissueMesh) -> tuple[AnyArray, BoolArray]:
     return part, fixed
 
 
-def edge_index(mesh: TissueMesh, pairs: AnyArray) -> AnyArray:
+def edge_index(mesh: "TissueMesh", pairs: AnyArray) -> AnyArray:
     """Row in `mesh.edges` of each pair of nodes, in either order, shape (q,); the pairs must be edges."""
     ends = np.sort(np.asarray(pairs, dtype=np.int64), axis=-1)
     keys = mesh.edges[:, 0] * mesh.n_points + mesh.edges[:, 1]

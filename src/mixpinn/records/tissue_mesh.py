@@ -1,7 +1,7 @@
 """TissueMesh: the tetrahedral mesh with every node and cell labelled."""
 
 import warnings
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -12,16 +12,31 @@ from mixpinn.base.arrays import AnyArray, BoolArray, FloatArray, Int32Array, Int
 from mixpinn.base.errors import InputError
 from mixpinn.base.files import hash_arrays
 from mixpinn.records.label_map import SCANNER_TO_WORLD
+from mixpinn.records.mid_edges import edge_index, mid_edge_labels
 from mixpinn.records.tetrahedra import TETRA_FACES, signed_volumes
 from mixpinn.records.vtk_file import write_vtk
 
 MESH_FILE = "mesh.vtu"
 """Name of the mesh in every folder that holds one."""
 
+CELL_EDGES = np.array([[0, 1], [1, 2], [0, 2], [0, 3], [1, 3], [2, 3]])
+"""Edges of a tetrahedron in the order of their midpoints in VTK's quadratic tetrahedron."""
+
+FACE_EDGES = np.array([[0, 1], [1, 2], [2, 0]])
+"""Edges of a triangle in the order of their midpoints in VTK's quadratic triangle."""
+
+FACE_QUARTERS = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]])
+"""The four triangles between the nodes of a six-node face, oriented as the face."""
+
 
 @dataclass(frozen=True, eq=False)
 class TissueMesh:
     """Tetrahedra of the soft tissue; rigid parts are cavities whose boundary nodes belong to them.
+
+    The mesh is one of straight-sided cells between vertices; `order` says how the finite elements approximate
+    displacements on it. With order 2 the midpoint of every edge is a node too: node n_points + e for row e of `edges`.
+    What is said of points, edges and parts is said of the vertices, whatever the order; nodes are the vertices followed
+    by the midpoints.
 
     Attributes:
         points: rest positions in the world frame [mm], float64, shape (n, 3).
@@ -32,6 +47,10 @@ class TissueMesh:
         tissue: per cell the index of its soft tissue, int16, shape (m,).
         tissue_names: names of the soft tissues 0, 1, …
         world_to_scanner: world frame [mm] to the scanner's RAS frame [mm], shape (4, 4).
+        order: 1 for linear four-node cells, 2 for quadratic ten-node cells.
+
+    Raises:
+        InputError: another order.
     """
 
     points: FloatArray
@@ -42,11 +61,27 @@ class TissueMesh:
     tissue: AnyArray
     tissue_names: tuple[str, ...] = ("soft tissue",)
     world_to_scanner: FloatArray = field(default_factory=lambda: np.linalg.inv(SCANNER_TO_WORLD))
+    order: int = 1
+
+    def __post_init__(self) -> None:
+        if self.order not in (1, 2):
+            raise InputError(
+                "mesh", expected="order 1 (linear) or 2 (quadratic)", got=str(self.order), fix="choose one of them",
+            )
+
+    def with_order(self, order: int) -> "TissueMesh":
+        """The same cells with another order of the finite elements."""
+        return self if order == self.order else replace(self, order=order)
 
     @property
     def n_points(self) -> int:
-        """Number of nodes."""
+        """Number of vertices."""
         return len(self.points)
+
+    @property
+    def n_nodes(self) -> int:
+        """Number of nodes: the vertices, with order 2 also the midpoints of the edges."""
+        return self.n_points if self.order == 1 else self.n_points + len(self.edges)
 
     @property
     def n_parts(self) -> int:
@@ -58,7 +93,61 @@ class TissueMesh:
         """Undirected edges of the cells, each once with i < j, sorted, shape (e, 2)."""
         pairs = [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)]
         ends = np.sort(np.concatenate([self.cells[:, pair] for pair in pairs]), axis=1).astype(np.int64)
-        return np.unique(ends, axis=0)
+        codes = np.unique(ends[:, 0] * self.n_points + ends[:, 1])
+        return np.stack(np.divmod(codes, self.n_points), axis=1)
+
+    @cached_property
+    def node_points(self) -> FloatArray:
+        """Rest positions of the nodes [mm], shape (n_nodes, 3)."""
+        if self.order == 1:
+            return self.points
+        return np.concatenate([self.points, self.points[self.edges].mean(axis=1)])
+
+    @cached_property
+    def cell_nodes(self) -> IntArray:
+        """Nodes of each cell, shape (m, 4), or (m, 10) in the order of VTK's quadratic tetrahedron."""
+        if self.order == 1:
+            return self.cells.astype(np.int64)
+        middle = self.n_points + edge_index(self, self.cells[:, CELL_EDGES])
+        return np.concatenate([self.cells.astype(np.int64), middle], axis=1)
+
+    @cached_property
+    def node_part(self) -> AnyArray:
+        """Part of each node, int16, shape (n_nodes,); of midpoints as `mid_edge_labels` has it."""
+        return self.part if self.order == 1 else np.concatenate([self.part, mid_edge_labels(self)[0]])
+
+    @cached_property
+    def node_fixed(self) -> BoolArray:
+        """Nodes held in place, shape (n_nodes,); midpoints as `mid_edge_labels` has it."""
+        return self.fixed if self.order == 1 else np.concatenate([self.fixed, mid_edge_labels(self)[1]])
+
+    @cached_property
+    def skin_node_faces(self) -> IntArray:
+        """Nodes of the skin's faces, shape (f, 3), or (f, 6) in the order of VTK's quadratic triangle."""
+        return self.skin_faces if self.order == 1 else self._face_nodes(self.skin_faces)
+
+    @cached_property
+    def skin_triangles(self) -> IntArray:
+        """Triangles between the nodes of the skin, outward, shape (f, 3) or (4f, 3)."""
+        if self.order == 1:
+            return self.skin_faces
+        return self.skin_node_faces[:, FACE_QUARTERS].reshape(-1, 3)
+
+    def on_vertices(self, nodal: FloatArray) -> FloatArray:
+        """Nodal forces (n_nodes, k) as the vertices' linear shape functions see them, shape (n_points, k).
+
+        A linear shape function is the vertex's quadratic one and half of those at the midpoints of its edges, so that
+        these are the forces that the same tractions give linear cells; their sum is kept.
+        """
+        if self.order == 1:
+            return nodal
+        vertices = nodal[:self.n_points].copy()
+        for end in self.edges.T:
+            np.add.at(vertices, end, 0.5 * nodal[self.n_points:])
+        return vertices
+
+    def _face_nodes(self, faces: IntArray) -> IntArray:
+        return np.concatenate([faces, self.n_points + edge_index(self, faces[:, FACE_EDGES])], axis=1)
 
     @cached_property
     def edge_part(self) -> AnyArray:
@@ -87,7 +176,8 @@ class TissueMesh:
     @cached_property
     def deforming_cells(self) -> BoolArray:
         """Cells that can change shape: not all nodes fixed, nor all in one rigid part; shape (m,)."""
-        group = np.where(self.part > 0, self.part.astype(np.int64), np.where(self.fixed, -1, 0))[self.cells]
+        part = self.node_part.astype(np.int64)
+        group = np.where(part > 0, part, np.where(self.node_fixed, -1, 0))[self.cell_nodes]
         return (group == 0).any(axis=1) | (group != group[:, :1]).any(axis=1)
 
     def part_nodes(self, k: int) -> IntArray:
@@ -95,16 +185,25 @@ class TissueMesh:
         return np.flatnonzero(self.part == k)
 
     def hash(self) -> str:
-        """Identity of geometry and labels: what stores and checkpoints are tied to."""
-        return hash_arrays(self.points, self.cells, self.part, self.fixed, self.tissue)
+        """Identity of geometry, labels and order: what stores and checkpoints are tied to."""
+        order = () if self.order == 1 else (np.array([self.order]),)
+        return hash_arrays(self.points, self.cells, self.part, self.fixed, self.tissue, *order)
 
     def grid(self, displacement: AnyArray | None = None) -> pv.UnstructuredGrid:
-        """The mesh as a `pyvista` grid with its labels, moved by `displacement` [mm] (n, 3) where given."""
-        points = self.points if displacement is None else self.points + displacement
-        cells = np.column_stack([np.full(len(self.cells), 4), self.cells])
-        grid = pv.UnstructuredGrid(cells, np.full(len(self.cells), pv.CellType.TETRA), points)
-        grid.point_data["part"] = self.part.astype(np.int16)
-        grid.point_data["fixed"] = self.fixed.astype(np.uint8)
+        """The mesh as a `pyvista` grid with its labels, moved by `displacement` where given.
+
+        Args:
+            displacement: of all nodes [mm], shape (n_nodes, 3), or of the vertices alone, (n_points, 3), which makes a
+                grid of linear cells.
+        """
+        if displacement is not None and self.order == 2 and len(displacement) == self.n_points:
+            return self.with_order(1).grid(displacement)
+        points = self.node_points if displacement is None else self.node_points + displacement
+        cells = np.column_stack([np.full(len(self.cells), self.cell_nodes.shape[1]), self.cell_nodes])
+        kind = pv.CellType.TETRA if self.order == 1 else pv.CellType.QUADRATIC_TETRA
+        grid = pv.UnstructuredGrid(cells, np.full(len(self.cells), kind), points)
+        grid.point_data["part"] = self.node_part.astype(np.int16)
+        grid.point_data["fixed"] = self.node_fixed.astype(np.uint8)
         grid.cell_data["tissue"] = self.tissue.astype(np.int16)
         if displacement is not None:
             grid.point_data["displacement"] = np.asarray(displacement)
@@ -114,7 +213,7 @@ class TissueMesh:
         return grid
 
     def save(self, path: Path | str) -> None:
-        """Write a ``.vtu`` with the labels as point, cell and field data."""
+        """Write a ``.vtu`` with the labels as point, cell and field data; VTK's quadratic tetrahedra with order 2."""
         write_vtk(path, self.grid())
 
     @staticmethod
@@ -122,7 +221,7 @@ class TissueMesh:
         """Read what `save` wrote (foreign meshes: `mixpinn.mesh.import_vtu`).
 
         Raises:
-            InputError: absent, damaged, or without the labels.
+            InputError: absent, damaged, without the labels, or quadratic with nodes elsewhere than halfway.
         """
         path = Path(path)
         if not path.is_file():
@@ -142,13 +241,27 @@ class TissueMesh:
                 got=f"point data {sorted(grid.point_data)}", fix="import it with 'mixpinn mesh FILE.vtu'",
             )
         names = tuple(_text(name) for name in grid.field_data["rigid_names"])
-        return TissueMesh(
-            np.asarray(grid.points, dtype=np.float64), np.asarray(grid.cells_dict[pv.CellType.TETRA], dtype=np.int32),
-            np.asarray(grid.point_data["part"]), np.asarray(grid.point_data["fixed"]).astype(bool),
+        nodes = grid.cells_dict.get(pv.CellType.QUADRATIC_TETRA)
+        order, cells = (1, grid.cells_dict[pv.CellType.TETRA]) if nodes is None else (2, nodes[:, :4])
+        points, n = np.asarray(grid.points, dtype=np.float64), len(grid.points)
+        if nodes is not None:
+            n = int(nodes[:, 4:].min(initial=n))  # the vertices come first
+        mesh = TissueMesh(
+            points[:n], np.asarray(cells, dtype=np.int32),
+            np.asarray(grid.point_data["part"])[:n], np.asarray(grid.point_data["fixed"]).astype(bool)[:n],
             tuple(name for name in names if name), np.asarray(grid.cell_data["tissue"]),
             tuple(_text(name) for name in grid.field_data["tissue_names"]),
-            np.asarray(grid.field_data["world_to_scanner"], dtype=np.float64).reshape(4, 4),
+            np.asarray(grid.field_data["world_to_scanner"], dtype=np.float64).reshape(4, 4), order,
         )
+        if nodes is not None and not (
+            cells.max() < n and mesh.n_nodes == len(points) and np.array_equal(mesh.cell_nodes, nodes)
+            and np.allclose(mesh.node_points, points, rtol=0.0, atol=1e-6)
+        ):
+            raise InputError(
+                str(path), expected="quadratic cells as this project writes them: vertices first, straight edges",
+                got="other nodes", fix="import the linear mesh and choose quadratic elements afterwards",
+            )
+        return mesh
 
 
 def _ascii(name: str) -> str:

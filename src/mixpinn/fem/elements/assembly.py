@@ -7,14 +7,14 @@ may run in threads and give the same bits. See `mixpinn.fem.elements.pattern` fo
 import numpy as np
 
 from mixpinn.base.arrays import AnyArray, BoolArray, FloatArray, Int32Array, IntArray
-from mixpinn.physics.linear_tetrahedron import compiled
+from mixpinn.physics.energies import compiled
 
 
 @compiled
 def gather_forces(
     start: int, stop: int, offsets: IntArray, entries: IntArray, cell_forces: FloatArray, out: FloatArray,
 ) -> None:
-    """Sum cell forces (4m, 3) at each node into `out` (n, 3) [N]."""
+    """Sum cell forces (v m, 3) of cells with v nodes at each node into `out` (n, 3) [N]."""
     for i in range(start, stop):
         f0 = f1 = f2 = 0.0
         for entry in range(offsets[i], offsets[i + 1]):
@@ -29,7 +29,7 @@ def gather_forces(
 def gather_blocks(
     start: int, stop: int, offsets: IntArray, entries: IntArray, cell_blocks: FloatArray, out: FloatArray,
 ) -> None:
-    """Sum cell blocks (6m, 9) of each node pair into `out` (p, 9) [N/mm]."""
+    """Sum cell blocks (l m, 9) of cells with l pairs of nodes for each pair into `out` (p, 9) [N/mm]."""
     for q in range(start, stop):
         for c in range(9):
             out[q, c] = 0.0

@@ -1,6 +1,7 @@
 """ElasticCells: energy, nodal gradient and node-pair stiffness of the deformable cells of a mesh."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -10,12 +11,12 @@ from mixpinn.fem.elements.pattern import NodePairs, incidence
 from mixpinn.fem.elements.ranges import RangeRunner
 from mixpinn.fem.material.hyperelastic import LinearElastic, Material, StableNeoHookean, StableNeoHookeanLog
 from mixpinn.geometry.tetrahedra import shape_gradients
-from mixpinn.physics import given_stress as kernels_given
-from mixpinn.physics import linear_tetrahedron as kernels
+from mixpinn.physics import energies, given_stress, linear_tetrahedron, quadratic_tetrahedron
 from mixpinn.physics.projection import project_tangents
+from mixpinn.physics.quadrature import TETRAHEDRON_4, Quadrature
 
 _COMPILED: dict[type, int] = {
-    StableNeoHookean: kernels.STABLE, StableNeoHookeanLog: kernels.STABLE_LOG, LinearElastic: kernels.LINEAR,
+    StableNeoHookean: energies.STABLE, StableNeoHookeanLog: energies.STABLE_LOG, LinearElastic: energies.LINEAR,
 }
 _OTHER = len(_COMPILED)
 
@@ -25,14 +26,17 @@ class ElasticCells:
 
     Args:
         points: rest positions [mm], shape (n, 3).
-        cells: nodes of each cell, ascending (so that a cell's pair a < b is the global pair i < j), shape (m, 4).
+        cells: nodes of each cell, ascending (so that a cell's pair a < b is the global pair i < j), shape (m, 4) or
+            (m, 10); ten nodes are four vertices and the midpoints of `mixpinn.physics.energies.LOCAL_PAIRS`.
         tissue: index into `materials` of each cell, shape (m,).
         materials: one per tissue.
         run: how kernels are spread over threads.
+        quadrature: of ten-node cells.
     """
 
     def __init__(
-        self, points: FloatArray, cells: IntArray, tissue: AnyArray, materials: Sequence[Material], run: RangeRunner,
+        self, points: FloatArray, cells: IntArray, tissue: AnyArray, materials: Sequence[Material], run: RangeRunner, *,
+        quadrature: Quadrature = TETRAHEDRON_4,
     ) -> None:
         code = np.array([_COMPILED.get(type(m), _OTHER + t) for t, m in enumerate(materials)], dtype=np.int64)
         tissue = np.asarray(tissue, dtype=np.int64)
@@ -41,7 +45,12 @@ class ElasticCells:
         tissue = tissue[order]
         self.cells = np.ascontiguousarray(cells[order])
         self._run, self._rest = run, points
-        self._gradients, self._volumes = shape_gradients(points, self.cells)
+        gradients, volumes = shape_gradients(points, self.cells[:, :4])
+        m, v = self.cells.shape
+        self._quadratic = v == 10
+        self._kernels: Any = quadratic_tetrahedron if self._quadratic else linear_tetrahedron
+        self._of_cell = (gradients, volumes)
+        self._rule: tuple[FloatArray, ...] = (quadrature.points, quadrature.weights) if self._quadratic else ()
         self._kinds = code[tissue]
         self._n_compiled = int(np.count_nonzero(self._kinds < _OTHER))
         self._others: list[tuple[Material, slice]] = []
@@ -53,25 +62,28 @@ class ElasticCells:
         self._mu = np.array([getattr(m, "mu", 0.0) if type(m) in _COMPILED else 0.0 for m in materials])[tissue]
         self._lam = np.array([getattr(m, "lam", 0.0) if type(m) in _COMPILED else 0.0 for m in materials])[tissue]
         self._offsets, self._entries = incidence(self.cells.ravel(), len(points))
-        m = len(self.cells)
-        self._energies, self._forces, self._blocks = np.empty(m), np.empty((m, 4, 3)), np.empty((m, 6, 3, 3))
+        self._energies, self._forces = np.empty(m), np.empty((m, v, 3))
+        self._blocks = np.empty((m, v * (v - 1) // 2, 3, 3))
 
     def energy(self, points: FloatArray) -> float:
         """Elastic energy [N mm] with the nodes at `points` (n, 3)."""
         moved = points - self._rest
-        self._run(kernels.cell_energies, self._n_compiled, *self._inputs(moved), self._energies)
+        self._run(self._kernels.cell_energies, self._n_compiled, *self._inputs(moved), self._energies)
+        shares = self._rule[1] if self._quadratic else np.ones(1)
         for material, chosen in self._others:
-            self._energies[chosen] = material.energy(self._deformation(moved, chosen)) * self._volumes[chosen]
+            density = material.energy(self._deformation(moved, chosen)).reshape(-1, len(shares))
+            self._energies[chosen] = density @ shares * self._of_cell[1][chosen]
         return float(self._energies.sum())
 
     def gradient(self, points: FloatArray) -> FloatArray:
         """∂E/∂x of every node [N], shape (n, 3)."""
         moved = points - self._rest
-        self._run(kernels.cell_forces, self._n_compiled, *self._inputs(moved), self._forces)
+        self._run(self._kernels.cell_forces, self._n_compiled, *self._inputs(moved), self._forces)
         for material, chosen in self._others:
             stress = np.array(material.gradient(self._deformation(moved, chosen)), dtype=np.float64)
-            kernels_given.cell_forces_of_stress(
-                0, len(stress), stress, self._gradients[chosen], self._volumes[chosen], self._forces[chosen],
+            self._from_given(
+                given_stress.quadratic_forces_of_stress if self._quadratic else given_stress.cell_forces_of_stress,
+                chosen, stress, self._forces,
             )
         nodal = np.empty_like(points)
         self._run(
@@ -84,13 +96,14 @@ class ElasticCells:
     ) -> None:
         """∂²E/∂x_i ∂x_j [N/mm] of the pairs i < j into `blocks` (p, 3, 3) and of i = j into `diagonals` (n, 3, 3)."""
         moved = points - self._rest
-        self._run(kernels.cell_blocks, self._n_compiled, *self._inputs(moved), project, self._blocks)
+        self._run(self._kernels.cell_blocks, self._n_compiled, *self._inputs(moved), project, self._blocks)
         for material, chosen in self._others:
             tangents = np.array(material.hessian(self._deformation(moved, chosen)), dtype=np.float64)
             if project:
                 project_tangents(tangents)
-            kernels_given.cell_blocks_of_tangent(
-                0, len(tangents), tangents, self._gradients[chosen], self._volumes[chosen], self._blocks[chosen],
+            self._from_given(
+                given_stress.quadratic_blocks_of_tangent if self._quadratic else given_stress.cell_blocks_of_tangent,
+                chosen, tangents, self._blocks,
             )
         self._run(
             assembly.gather_blocks, len(blocks), pairs.cell_offsets, pairs.cell_entries,
@@ -101,9 +114,20 @@ class ElasticCells:
         )
 
     def _inputs(self, moved: FloatArray) -> tuple[AnyArray, ...]:
-        return self.cells, moved, self._gradients, self._volumes, self._kinds, self._mu, self._lam
+        return self.cells, moved, *self._of_cell, *self._rule, self._kinds, self._mu, self._lam
 
     def _deformation(self, moved: FloatArray, chosen: slice) -> FloatArray:
-        out = np.empty((chosen.stop - chosen.start, 3, 3))
-        kernels.cell_deformations(0, len(out), self.cells[chosen], moved, self._gradients[chosen], out)
-        return out
+        """F at the points of some cells, cell by cell, shape (k, 3, 3)."""
+        count, places = chosen.stop - chosen.start, self._rule[:1]
+        out = np.empty((count, len(places[0]), 3, 3) if self._quadratic else (count, 3, 3))
+        self._kernels.cell_deformations(
+            0, count, self.cells[chosen], moved, self._of_cell[0][chosen], *places, out,
+        )
+        return out.reshape(-1, 3, 3)
+
+    def _from_given(self, kernel: Callable[..., None], chosen: slice, given: FloatArray, out: FloatArray) -> None:
+        """Forces or blocks of some cells from stresses or tangents at their points, cell by cell."""
+        count = chosen.stop - chosen.start
+        if self._quadratic:
+            given = given.reshape(count, -1, *given.shape[1:])
+        kernel(0, count, given, *(values[chosen] for values in self._of_cell), *self._rule, out[chosen])

@@ -41,5 +41,5 @@ def check_elastic_input(mesh: TissueMesh, tissues: int, extra_pairs: IntArray | 
     lonely[mesh.cells] = False
     if lonely.any():
         _fail("mesh", "each soft node in a cell", f"{np.count_nonzero(lonely)} without", "remove the unused nodes")
-    if extra_pairs is not None and (extra_pairs.ndim != 2 or not np.isin(extra_pairs, np.arange(mesh.n_points)).all()):
-        _fail("extra_pairs", f"pairs of nodes 0 … {mesh.n_points - 1}", "others", "correct the pairs")
+    if extra_pairs is not None and (extra_pairs.ndim != 2 or not np.isin(extra_pairs, np.arange(mesh.n_nodes)).all()):
+        _fail("extra_pairs", f"pairs of nodes 0 … {mesh.n_nodes - 1}", "others", "correct the pairs")

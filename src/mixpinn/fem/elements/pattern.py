@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from mixpinn.base.arrays import AnyArray, BoolArray, Int32Array, IntArray
-from mixpinn.physics.linear_tetrahedron import LOCAL_PAIRS
 
 
 @dataclass(frozen=True, eq=False)
@@ -16,8 +15,8 @@ class NodePairs:
         codes: n i + j of each pair i < j, ascending, shape (p,).
         offsets, nodes, ids: neighbours of node i are entries offsets[i]:offsets[i + 1] of `nodes`, ascending; `ids`
             is the pair of each entry. Shapes (n + 1,), (2p,), (2p,).
-        cell_offsets, cell_entries: the blocks 6 e + l of the cells that make up pair q are entries
-            cell_offsets[q]:cell_offsets[q + 1] of `cell_entries`. Shapes (p + 1,), (6m,).
+        cell_offsets, cell_entries: the blocks c e + l of the cells, with c pairs each, that make up pair q are entries
+            cell_offsets[q]:cell_offsets[q + 1] of `cell_entries`. Shapes (p + 1,), (c m,).
     """
 
     codes: IntArray
@@ -29,9 +28,12 @@ class NodePairs:
 
     @staticmethod
     def build(n_points: int, cells: IntArray, pairs: IntArray) -> "NodePairs":
-        """Pairs `pairs` (p, 2) in any order and with repetitions; those of `cells` (nodes ascending) included."""
-        local = cells[:, LOCAL_PAIRS].reshape(-1, 2)
-        own = n_points * local[:, 0] + local[:, 1]
+        """Pairs `pairs` (p, 2) in any order and with repetitions; those of `cells` included.
+
+        A cell's nodes are ascending, shape (m, v); its pairs count as (0, 1), (0, 2), …, (1, 2), ….
+        """
+        lower, upper = np.triu_indices(cells.shape[1], 1)
+        own = (n_points * cells[:, lower] + cells[:, upper]).ravel()
         pairs = np.sort(pairs.reshape(-1, 2), axis=1)
         pairs = pairs[pairs[:, 0] < pairs[:, 1]]
         codes = np.union1d(own, n_points * pairs[:, 0] + pairs[:, 1])

@@ -17,7 +17,8 @@ from mixpinn.fem.material.hyperelastic import Material
 from mixpinn.fem.rigid.parts import RigidParts, geometric_stiffness
 from mixpinn.geometry.rotations import orthonormalise, rotation_from_vector, vector_from_rotation
 from mixpinn.geometry.tetrahedra import shape_gradients
-from mixpinn.physics import linear_tetrahedron as kernels
+from mixpinn.physics import linear_tetrahedron, quadratic_tetrahedron
+from mixpinn.physics.quadrature import TETRAHEDRON_4, Quadrature
 from mixpinn.records import TissueMesh
 
 Blocks = tuple[IntArray, IntArray, FloatArray]
@@ -31,7 +32,7 @@ class State:
     Attributes:
         points: current positions [mm], shape (n, 3).
         rotation: rotation matrix of each rigid part, shape (K, 3, 3).
-        translation: displacement of the centroid (mean of the nodes) of each rigid part [mm], shape (K, 3).
+        translation: displacement of the centroid (mean of the vertices) of each rigid part [mm], shape (K, 3).
     """
 
     points: FloatArray
@@ -53,10 +54,12 @@ class ElasticSystem:
     leaves Newton's convergence quadratic.
 
     Args:
-        mesh: the tissue mesh.
+        mesh: the tissue mesh; its `order` decides between four-node and ten-node cells. Nodes are those of the mesh:
+            vertices, followed by the midpoints of the edges where the order is 2.
         materials: one per entry of `mesh.tissue_names`.
         extra_pairs: pairs of nodes that external blocks may couple beyond the edges of the mesh, shape (p, 2).
         threads: threads of the assembly; results do not depend on it.
+        quadrature: of ten-node cells.
 
     Raises:
         InputError: wrong number of materials, inverted cells, a rigid part with fixed nodes or without nodes, a
@@ -74,26 +77,30 @@ class ElasticSystem:
 
     def __init__(
         self, mesh: TissueMesh, materials: Sequence[Material], *, extra_pairs: IntArray | None = None, threads: int = 1,
+        quadrature: Quadrature = TETRAHEDRON_4,
     ) -> None:
         check_elastic_input(mesh, len(materials), extra_pairs)
         self.mesh = mesh
         self.materials = tuple(materials)
         self._run = RangeRunner(threads)
-        self._rest = np.ascontiguousarray(mesh.points, dtype=np.float64)
-        self._part = np.asarray(mesh.part, dtype=np.int64)
-        self._rigid = RigidParts(self._rest, self._part, mesh.n_parts)
+        self._rest = np.ascontiguousarray(mesh.node_points, dtype=np.float64)
+        self._part = np.asarray(mesh.node_part, dtype=np.int64)
+        self._fixed = mesh.node_fixed
+        self._rigid = RigidParts(self._rest, self._part, mesh.n_parts, n_vertices=mesh.n_points)
 
-        self._all_cells = np.sort(np.asarray(mesh.cells, dtype=np.int64), axis=1)
-        self._all_gradients, _ = shape_gradients(self._rest, self._all_cells)
+        # Sorted, ten nodes are four vertices and the midpoints of their pairs in ascending order.
+        self._all_cells = np.sort(np.asarray(mesh.cell_nodes, dtype=np.int64), axis=1)
+        self._all_gradients, _ = shape_gradients(self._rest, self._all_cells[:, :4])
+        self._places = quadrature.points
         deforms = mesh.deforming_cells
         self._elastic = ElasticCells(
-            self._rest, self._all_cells[deforms], mesh.tissue[deforms], materials, self._run,
+            self._rest, self._all_cells[deforms], mesh.tissue[deforms], materials, self._run, quadrature=quadrature,
         )
         extra = np.empty((0, 2), dtype=np.int64) if extra_pairs is None else np.asarray(extra_pairs, dtype=np.int64)
-        self._pairs = NodePairs.build(mesh.n_points, self._elastic.cells, np.concatenate([mesh.edges, extra]))
-        self._reduction = Reduction.build(self._pairs, self._part, mesh.fixed, mesh.n_parts)
+        self._pairs = NodePairs.build(len(self._rest), self._elastic.cells, np.concatenate([mesh.edges, extra]))
+        self._reduction = Reduction.build(self._pairs, self._part, self._fixed, mesh.n_parts)
         self._blocks = np.empty((len(self._pairs.codes), 3, 3))
-        self._diagonals = np.empty((mesh.n_points, 3, 3))
+        self._diagonals = np.empty((len(self._rest), 3, 3))
 
     @property
     def n_dofs(self) -> int:
@@ -119,7 +126,7 @@ class ElasticSystem:
             translation: displacement of the centroids [mm], shape (K, 3).
         """
         points = np.array(points, dtype=np.float64)
-        points[self.mesh.fixed] = self._rest[self.mesh.fixed]
+        points[self._fixed] = self._rest[self._fixed]
         self._rigid.place(points, rotation, translation)
         return State(points, np.array(rotation, dtype=np.float64), np.array(translation, dtype=np.float64))
 
@@ -227,14 +234,30 @@ class ElasticSystem:
         return np.where(index[:, None] < 0, -1, 3 * index[:, None] + np.arange(3))
 
     def jacobians(self, state: State) -> FloatArray:
-        """J = det F of every cell of the mesh, shape (m,)."""
+        """J = det F of every cell of the mesh, shape (m,): the smallest at the quadrature points of ten-node cells."""
+        if self.mesh.order == 2:
+            return self._jacobians_at(state, self._places).min(axis=1)
         values = np.empty(len(self._all_cells))
         moved = state.points - self._rest
-        self._run(kernels.cell_jacobians, len(values), self._all_cells, moved, self._all_gradients, values)
+        self._run(
+            linear_tetrahedron.cell_jacobians, len(values), self._all_cells, moved, self._all_gradients, values,
+        )
+        return values
+
+    def vertex_jacobians(self, state: State) -> FloatArray:
+        """The smallest det F at the vertices of every cell of the mesh, shape (m,); linear cells have one det F."""
+        return self.jacobians(state) if self.mesh.order == 1 else self._jacobians_at(state, np.eye(4)).min(axis=1)
+
+    def _jacobians_at(self, state: State, places: FloatArray) -> FloatArray:
+        values = np.empty((len(self._all_cells), len(places)))
+        self._run(
+            quadratic_tetrahedron.cell_jacobians, len(values), self._all_cells, state.points - self._rest,
+            self._all_gradients, places, values,
+        )
         return values
 
     def min_jacobian(self, state: State) -> float:
-        """Smallest det F over the cells."""
+        """Smallest det F over the cells, at the quadrature points of ten-node ones."""
         return float(self.jacobians(state).min())
 
     def _add(self, blocks: Blocks) -> None:

@@ -19,7 +19,7 @@ class Material(Protocol):
 
     All three take deformation gradients of m cells, shape (m, 3, 3), and are evaluated cell by cell. Any class with
     these methods will do; NumPy is enough. The built-in materials are also compiled, see
-    `mixpinn.physics.linear_tetrahedron`.
+    `mixpinn.physics.energies`.
     """
 
     def energy(self, deformation: FloatArray) -> FloatArray:

@@ -27,20 +27,24 @@ def geometric_stiffness(arms: FloatArray, forces: FloatArray) -> FloatArray:
 class RigidParts:
     """The rigid parts of a mesh: which nodes they carry, and forces and motions about their centroids.
 
-    The reference point of a part is its centroid, the mean of its nodes; an arm d is a node's current position less
-    the current centroid.
+    The reference point of a part is its centroid, the mean of its vertices; an arm d is a node's current position less
+    the current centroid. Midpoints of edges follow the part and do not shift the centroid, so that motions of linear
+    and quadratic cells on one mesh refer to the same point.
 
     Args:
         points: rest positions of all nodes [mm], shape (n, 3).
         part: per node 0 or its part 1 … K, shape (n,).
-        n_parts: K; each part has at least one node.
+        n_parts: K; each part has at least one vertex.
+        n_vertices: the first so many nodes are vertices; by default all.
     """
 
-    def __init__(self, points: FloatArray, part: AnyArray, n_parts: int) -> None:
+    def __init__(self, points: FloatArray, part: AnyArray, n_parts: int, *, n_vertices: int | None = None) -> None:
         self._rest = points
         self.by_part: list[IntArray] = [np.flatnonzero(part == k) for k in range(1, n_parts + 1)]
         self.nodes: IntArray = np.concatenate([*self.by_part, np.empty(0, dtype=np.int64)])
-        self.centroids: FloatArray = np.array([points[nodes].mean(axis=0) for nodes in self.by_part]).reshape(-1, 3)
+        self.centroids: FloatArray = np.array([
+            points[np.flatnonzero(part[:n_vertices] == k)].mean(axis=0) for k in range(1, n_parts + 1)
+        ]).reshape(-1, 3)
 
     def __len__(self) -> int:
         return len(self.by_part)

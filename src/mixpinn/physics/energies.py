@@ -1,0 +1,199 @@
+"""The built-in energies at one point of a body, compiled: density, stress and the tangent between shape gradients.
+
+A point is given by its displacement gradient H = ∂u/∂X, nine numbers row by row, and the constants of its material:
+``kind``, one of the codes below, and μ and λ [N/mm²]. F = 1 + H is never formed where a difference is meant, so that
+small strains lose no digits. The formulas and their sources are those of `mixpinn.fem.material`.
+
+Numba caches each file on its own: after a change here the caches of the element kernels must be renewed too (touch
+them, or delete ``__pycache__``).
+"""
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numba
+import numpy as np
+
+from mixpinn.base.arrays import FloatArray
+from mixpinn.physics.projection import negative_modes
+
+STABLE, STABLE_LOG, LINEAR = 0, 1, 2
+"""Codes of the built-in materials."""
+
+LOCAL_PAIRS = np.array([[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]])
+"""The six pairs of a tetrahedron's vertices; blocks of a pair (a, a) follow from Σ_b K_ab = 0."""
+
+compiled: Callable[..., Any] = numba.njit(cache=True, nogil=True, fastmath={"contract"}, error_model="numpy")
+inlined: Callable[..., Any] = numba.njit(
+    cache=True, nogil=True, fastmath={"contract"}, error_model="numpy", inline="always",
+)
+"""For what is called once a point: the call would cost as much as the work."""
+
+
+@inlined
+def invariants(h: Any) -> Any:
+    """I_C − 3, J − 1 and (I_C − 3)/2 − (J − 1), the last without the tr H that the two have in common.
+
+    I_C − 3 = 2 tr H + H : H and J − 1 = tr H + II(H) + det H.
+    """
+    h00, h01, h02, h10, h11, h12, h20, h21, h22 = h
+    trace = h00 + h11 + h22
+    square = h00 * h00 + h01 * h01 + h02 * h02 + h10 * h10 + h11 * h11 + h12 * h12 + h20 * h20 + h21 * h21 + h22 * h22
+    second = h00 * h11 - h01 * h10 + h00 * h22 - h02 * h20 + h11 * h22 - h12 * h21
+    third = h00 * (h11 * h22 - h12 * h21) - h01 * (h10 * h22 - h12 * h20) + h02 * (h10 * h21 - h11 * h20)
+    return 2.0 * trace + square, trace + second + third, 0.5 * square - second - third
+
+
+@compiled
+def _log_excess(x: float) -> float:
+    """x − log(1 + x), by its series where the difference would lose digits."""
+    if abs(x) > 0.02:
+        return x - math.log1p(x)
+    return x * x * (1 / 2 - x * (1 / 3 - x * (1 / 4 - x * (1 / 5 - x * (1 / 6 - x * (1 / 7 - x / 8))))))
+
+
+@inlined
+def density(kind: int, mu: float, lam: float, h: Any) -> float:
+    """Energy per rest volume [N/mm²], zero at rest."""
+    if kind == LINEAR:
+        h00, h01, h02, h10, h11, h12, h20, h21, h22 = h
+        trace = h00 + h11 + h22
+        strain = h00 * h00 + h11 * h11 + h22 * h22 + 0.5 * (
+            (h01 + h10) * (h01 + h10) + (h02 + h20) * (h02 + h20) + (h12 + h21) * (h12 + h21)
+        )
+        return mu * strain + 0.5 * lam * trace * trace
+    shear, growth, excess = invariants(h)
+    if kind == STABLE:  # μ/2 (I_C − 3) − μ (J − 1) + (λ + μ)/2 (J − 1)²
+        return mu * excess + 0.5 * (lam + mu) * growth * growth
+    # m/2 (I_C − 3) − 3m/4 (J − 1) − m/2 log(1 + (I_C − 3)/4) + l/2 (J − 1)², regrouped
+    m, bulk = 4.0 / 3.0 * mu, lam + 5.0 / 6.0 * mu
+    return 0.5 * m * (1.5 * excess + _log_excess(0.25 * shear)) + 0.5 * bulk * growth * growth
+
+
+@inlined
+def _coefficients(kind: int, mu: float, lam: float, shear: float, growth: float) -> Any:
+    """(a, b, c, d) of P = a F + d cof F and ∂P/∂F = a 1 + b F ⊗ F + c cof F ⊗ cof F + d ∂²J/∂F²."""
+    if kind == STABLE:
+        return mu, 0.0, lam + mu, (lam + mu) * growth - mu
+    m, bulk, trace = 4.0 / 3.0 * mu, lam + 5.0 / 6.0 * mu, shear + 4.0
+    return m * (1.0 - 1.0 / trace), 2.0 * m / (trace * trace), bulk, bulk * growth - 0.75 * m
+
+
+@inlined
+def _fill(h: Any, f: FloatArray, cofactor: FloatArray) -> None:
+    f[0, 0], f[0, 1], f[0, 2] = 1.0 + h[0], h[1], h[2]
+    f[1, 0], f[1, 1], f[1, 2] = h[3], 1.0 + h[4], h[5]
+    f[2, 0], f[2, 1], f[2, 2] = h[6], h[7], 1.0 + h[8]
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        cofactor[i, 0] = f[j, 1] * f[k, 2] - f[j, 2] * f[k, 1]
+        cofactor[i, 1] = f[j, 2] * f[k, 0] - f[j, 0] * f[k, 2]
+        cofactor[i, 2] = f[j, 0] * f[k, 1] - f[j, 1] * f[k, 0]
+
+
+@inlined
+def stress(kind: int, mu: float, lam: float, h: Any, f: FloatArray, p: FloatArray) -> None:
+    """First Piola-Kirchhoff stress [N/mm²] into `p` (3, 3); `f` (3, 3) is scratch."""
+    _fill(h, f, p)
+    if kind == LINEAR:
+        pressure = lam * (h[0] + h[4] + h[8])
+        for i in range(3):
+            for j in range(3):
+                p[i, j] = mu * (h[3 * i + j] + h[3 * j + i])
+            p[i, i] += pressure
+    else:
+        shear, growth, _ = invariants(h)
+        a, _, _, d = _coefficients(kind, mu, lam, shear, growth)
+        for i in range(3):
+            for j in range(3):
+                p[i, j] = a * f[i, j] + d * p[i, j]
+
+
+@inlined
+def distribute(stress: FloatArray, gradient: FloatArray, volume: float, out: FloatArray) -> None:
+    """V P G_a into `out` (4, 3) for the vertices' gradients G_a (4, 3); vertex 0 takes what makes their sum zero."""
+    for i in range(3):
+        total = 0.0
+        for a in range(1, 4):
+            force = volume * (
+                stress[i, 0] * gradient[a, 0] + stress[i, 1] * gradient[a, 1] + stress[i, 2] * gradient[a, 2]
+            )
+            out[a, i] = force
+            total += force
+        out[0, i] = -total
+
+
+@inlined
+def _apply(matrix: FloatArray, gradient: FloatArray, out: FloatArray) -> None:
+    for a in range(4):
+        for i in range(3):
+            out[a, i] = (
+                matrix[i, 0] * gradient[a, 0] + matrix[i, 1] * gradient[a, 1] + matrix[i, 2] * gradient[a, 2]
+            )
+
+
+@inlined
+def _linear_blocks(gradient: FloatArray, mu: float, lam: float, out: FloatArray) -> None:
+    for pair in range(6):
+        a, b = LOCAL_PAIRS[pair, 0], LOCAL_PAIRS[pair, 1]
+        dot = gradient[a, 0] * gradient[b, 0] + gradient[a, 1] * gradient[b, 1] + gradient[a, 2] * gradient[b, 2]
+        for i in range(3):
+            for j in range(3):
+                out[pair, i, j] = mu * gradient[b, i] * gradient[a, j] + lam * gradient[a, i] * gradient[b, j]
+            out[pair, i, i] += mu * dot
+
+
+@inlined
+def tangent_blocks(
+    kind: int, mu: float, lam: float, h: Any, gradient: FloatArray, volume: float, project: bool, f: FloatArray,
+    cofactor: FloatArray, fg: FloatArray, cg: FloatArray, modes: FloatArray, shifts: FloatArray, work: FloatArray,
+    out: FloatArray,
+) -> None:
+    """V G_a · ∂P/∂F · G_b of the pairs `LOCAL_PAIRS` of four gradients [N/mm] into `out` (6, 3, 3).
+
+    With a = G_a, b = G_b: V (a·b a_0 1 + b_0 (F a)(F b)ᵀ + c (cof F a)(cof F b)ᵀ + d [w]ᵀ), w = F (a × b), where
+    a_0, b_0, c, d are the coefficients of ∂P/∂F; the last term is ∂²J contracted with G_a and G_b.
+
+    Args:
+        kind, mu, lam: the material.
+        h: displacement gradient.
+        gradient: G_a [1/mm], shape (4, 3).
+        volume: V [mm³].
+        project: add what lifts the negative eigenvalues of ∂P/∂F to zero.
+        f, cofactor, fg, cg, modes, shifts, work: scratch of shapes (3, 3), (3, 3), (4, 3), (4, 3), (9, 3, 3), (9,),
+            (6, 3, 3).
+        out: output.
+    """
+    if kind == LINEAR:
+        _linear_blocks(gradient, volume * mu, volume * lam, out)
+        return
+    shear, growth, _ = invariants(h)
+    a0, b0, c, d = _coefficients(kind, mu, lam, shear, growth)
+    _fill(h, f, cofactor)
+    _apply(f, gradient, fg)
+    _apply(cofactor, gradient, cg)
+    for pair in range(6):
+        a, b = LOCAL_PAIRS[pair, 0], LOCAL_PAIRS[pair, 1]
+        dot = gradient[a, 0] * gradient[b, 0] + gradient[a, 1] * gradient[b, 1] + gradient[a, 2] * gradient[b, 2]
+        for i in range(3):
+            for j in range(3):
+                out[pair, i, j] = volume * (c * cg[a, i] * cg[b, j] + b0 * fg[a, i] * fg[b, j])
+            out[pair, i, i] += volume * a0 * dot
+        n0 = gradient[a, 1] * gradient[b, 2] - gradient[a, 2] * gradient[b, 1]
+        n1 = gradient[a, 2] * gradient[b, 0] - gradient[a, 0] * gradient[b, 2]
+        n2 = gradient[a, 0] * gradient[b, 1] - gradient[a, 1] * gradient[b, 0]
+        for i in range(3):
+            w = volume * d * (f[i, 0] * n0 + f[i, 1] * n1 + f[i, 2] * n2)
+            j, k = (i + 1) % 3, (i + 2) % 3
+            out[pair, j, k] += w
+            out[pair, k, j] -= w
+    if project:
+        for mode in range(negative_modes(f, a0, b0, c, d, modes, shifts, work)):
+            _apply(modes[mode], gradient, fg)
+            for pair in range(6):
+                a, b = LOCAL_PAIRS[pair, 0], LOCAL_PAIRS[pair, 1]
+                for i in range(3):
+                    scaled = volume * shifts[mode] * fg[a, i]
+                    for j in range(3):
+                        out[pair, i, j] += scaled * fg[b, j]
