@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mixpinn.mesh import fixed_nodes, label_mesh, part_contacts
+from mixpinn.mesh import FixedRegion, fixed_nodes, label_mesh, part_contacts
 from mixpinn.mesh.label import cell_tissue
 from mixpinn.mesh.surface import DomainSurfaces, Surface
 
@@ -31,6 +31,21 @@ def test_fixed_nodes_of_a_box():
     x, y, z = mesh.points.T
     expected = (y < -10.0) & (np.abs(z) < 20.0) & ((np.abs(x) == 20.0) | (y == -40.0))
     np.testing.assert_array_equal(fixed_nodes(mesh), expected)
+
+
+def test_fixed_region_is_the_surfaces_not_the_meshs():
+    """The same body meshed with a corner cut off: the mesh's most anterior node moves, the region does not."""
+    mesh = box_mesh((4, 8, 4))
+    whole = FixedRegion.of(mesh.points)
+    assert (whole.behind, whole.low, whole.high) == (-10.0, -19.0, 19.0)
+    kept = mesh.points[mesh.cells][:, :, 1].min(axis=1) >= -30.0
+    used, cells = np.unique(mesh.cells[kept], return_inverse=True)
+    cut = replace(
+        mesh, points=mesh.points[used], cells=cells.reshape(-1, 4).astype(np.int32), part=mesh.part[used],
+        fixed=mesh.fixed[used], tissue=mesh.tissue[kept],
+    )
+    assert cut.points[fixed_nodes(cut, region=whole), 1].max() == -20.0
+    assert cut.points[fixed_nodes(cut), 1].max() == -10.0
 
 
 def test_tissue_by_centroid():

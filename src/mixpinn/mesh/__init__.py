@@ -5,7 +5,7 @@ from mixpinn.mesh.check_surface import check_surface, check_surfaces, self_inter
 from mixpinn.mesh.extract import SurfaceConfig, extract_surfaces
 from mixpinn.mesh.fidelity import MeshFidelity, StructureFidelity, mesh_fidelity, voxel_parts
 from mixpinn.mesh.import_vtu import import_vtu, load_paper_mesh
-from mixpinn.mesh.label import PartContacts, fixed_nodes, label_mesh, part_contacts
+from mixpinn.mesh.label import FixedRegion, PartContacts, fixed_nodes, label_mesh, part_contacts
 from mixpinn.mesh.mesher import PAPER_SIZING, Mesher, Sizing, has_cgal
 from mixpinn.mesh.orientation import check_cells, orient_cells
 from mixpinn.mesh.picture import draw_mesh
@@ -16,7 +16,7 @@ from mixpinn.mesh.surface import DomainSurfaces, Surface
 from mixpinn.mesh.tetwild_mesher import TetwildMesher
 
 __all__ = [
-    "PAPER_SIZING", "CgalMesher", "DomainSurfaces", "MeshFidelity", "MeshQuality",
+    "PAPER_SIZING", "CgalMesher", "DomainSurfaces", "FixedRegion", "MeshFidelity", "MeshQuality",
     "MeshStatistics", "Mesher", "PartContacts", "PartStatistics", "Sizing", "StructureFidelity", "Surface",
     "SurfaceConfig", "TetwildMesher", "check_cells", "check_surface", "check_surfaces", "dihedral_angles", "draw_mesh",
     "extract_surfaces", "fixed_nodes", "has_cgal", "import_vtu", "label_mesh", "load_paper_mesh",

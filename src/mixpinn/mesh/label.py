@@ -23,7 +23,8 @@ def label_mesh(
     """Name the parts of a mesh: every node belongs to exactly one part, every cell to one soft tissue.
 
     A node on the mesh's boundary belongs to the structure whose surface is nearest: the skin, which is soft, or a
-    rigid part. Inner nodes are soft. A cell belongs to the soft tissue that `label_map` has at its centroid.
+    rigid part. Inner nodes are soft. A cell belongs to the soft tissue that `label_map` has at its centroid. Fixed are
+    the nodes in the region that the body's surface defines, whatever the mesh.
 
     Args:
         points: [mm], shape (n, 3).
@@ -50,7 +51,7 @@ def label_mesh(
             mesh, tissue=cell_tissue(points[cells].mean(axis=1), label_map), tissue_names=label_map.soft_names,
             world_to_scanner=label_map.world_to_scanner,
         )
-    return replace(mesh, fixed=fixed_nodes(mesh))
+    return replace(mesh, fixed=fixed_nodes(mesh, region=FixedRegion.of(surfaces.body.points)))
 
 
 def nearest_part(points: FloatArray, cells: AnyArray, surfaces: DomainSurfaces) -> AnyArray:
@@ -79,18 +80,39 @@ def cell_tissue(centroids: FloatArray, label_map: LabelMap) -> AnyArray:
     return np.where((label >= 1) & (label <= len(label_map.soft_names)), label - 1, 0).astype(np.int16)
 
 
-def fixed_nodes(mesh: TissueMesh) -> BoolArray:
-    """Nodes that the protocol holds in place, shape (n,).
+@dataclass(frozen=True)
+class FixedRegion:
+    """Where the protocol holds the skin, in mm of the world frame: a property of the geometry, not of a mesh.
 
-    These are the soft skin nodes less than 30 mm behind the most anterior point (smallest y) and more than 1 mm from
-    both caps of the crop (smallest and largest z).
+    Attributes:
+        behind: the region ends at this y; smaller y is anterior [mm].
+        low, high: and lies between these z [mm].
     """
+
+    behind: float
+    low: float
+    high: float
+
+    @staticmethod
+    def of(points: FloatArray) -> "FixedRegion":
+        """Less than 30 mm behind the most anterior of `points` [mm] (p, 3), more than 1 mm from the caps.
+
+        The points are those of the body's surface; smallest and largest z are the two caps of the crop.
+        """
+        y, z = points[:, 1], points[:, 2]
+        return FixedRegion(float(y.min()) + FIXED_DEPTH, float(z.min()) + CAP_MARGIN, float(z.max()) - CAP_MARGIN)
+
+
+def fixed_nodes(mesh: TissueMesh, *, region: FixedRegion | None = None) -> BoolArray:
+    """Nodes that the protocol holds in place: the soft skin nodes within `region`; shape (n,).
+
+    Without `region` it is taken from the mesh's own nodes, for meshes that come without their surfaces.
+    """
+    region = region or FixedRegion.of(mesh.points)
     y, z = mesh.points[:, 1], mesh.points[:, 2]
     skin = np.zeros(mesh.n_points, dtype=bool)
     skin[mesh.skin_faces] = True
-    anterior = y < y.min() + FIXED_DEPTH
-    off_caps = (z > z.min() + CAP_MARGIN) & (z < z.max() - CAP_MARGIN)
-    held: BoolArray = skin & anterior & off_caps & (mesh.part == 0)
+    held: BoolArray = skin & (mesh.part == 0) & (y < region.behind) & (z > region.low) & (z < region.high)
     return held
 
 

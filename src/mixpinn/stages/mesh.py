@@ -35,9 +35,9 @@ class MeshConfig:
 
     Attributes:
         mesher: CGAL, fTetWild, or CGAL where it is installed and else fTetWild.
-        size: factor on all lengths of `sizing` and on the gap of `surface`: 1 is the paper's mesh, 2 is coarser.
+        size: factor on all lengths of `sizing`, and on nothing else: 1 is the paper's mesh, 2 is coarser.
         sizing: criteria of the mesher at size 1.
-        surface: smoothing and gap at size 1.
+        surface: smoothing and gap, the same at every size.
         fixed: for an imported mesh, a file of the indices of fixed nodes.
         rigid_names: for an imported mesh, names of its rigid parts.
         picture: draw ``mesh.png``.
@@ -138,10 +138,7 @@ def _build(source: LabelMap | DomainSurfaces | Path | str, config: MeshConfig) -
     sizing = config.sizing.scaled(config.size)
     mesher = make_mesher(config.mesher)
     if isinstance(source, LabelMap):
-        surface_config = SurfaceConfig(
-            config.surface.body_smoothing, config.surface.rigid_smoothing, config.surface.gap * config.size,
-        )
-        surfaces = _announce("surfaces", lambda: extract_surfaces(source, surface_config))
+        surfaces = _announce("surfaces", lambda: extract_surfaces(source, config.surface))
     else:
         surfaces = _announce("check of the surfaces", lambda: check_surfaces(source))
     points, cells = _announce(f"tetrahedra ({mesher.name})", lambda: mesher.fill(surfaces, sizing))
