@@ -20,13 +20,14 @@ from scipy.spatial.transform import Rotation
 from mixpinn.dataset import SimulationStore, Split, build_sample_table
 from mixpinn.press.contact import PriorContact
 from mixpinn.press.files import load_pose_model, save_pose_model
-from mixpinn.press.fit import collect, fit_pose, ridge
+from mixpinn.press.fit import collect, fit_pose
 from mixpinn.press.model import PoseModel
 from mixpinn.press.records import PoseContactConfig, ProbeGeometry
 from mixpinn.records import Probe, SampleTable
 from mixpinn.reduced.coordinates import ReducedCoordinates
 from mixpinn.reduced.hybrid import HybridModel
 from mixpinn.reduced.modes import coefficients, principal_modes
+from mixpinn.reduced.ridge import column_norms, ridge
 
 Answer = Callable[[int], tuple[np.ndarray, np.ndarray]]
 """Sample → unknowns (D,) and force on the probe [N] (3,)."""
@@ -87,7 +88,8 @@ def regression(table: SampleTable, training: np.ndarray, model: HybridModel) -> 
     wanted = np.concatenate([
         coefficients(modes, coordinates.weights, fields), table.probe_wrench[training, :3],
     ], axis=1)
-    gain = ridge(pose_features(table, training), wanted, 1e-5)
+    known = pose_features(table, training)
+    gain = ridge(known, wanted, penalty=1e-5, scale=column_norms(known))
 
     def answer(i: int) -> tuple[np.ndarray, np.ndarray]:
         found = (pose_features(table, np.array([i])) @ gain)[0]

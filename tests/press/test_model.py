@@ -12,13 +12,14 @@ from mixpinn.fem import SuperLUSolver
 from mixpinn.geometry.probe_shapes import spherical_probe
 from mixpinn.press.contact import PriorContact
 from mixpinn.press.files import POSE_FILE, load_pose_model, save_pose_model
-from mixpinn.press.fit import PoseSamples, fit_pose, ridge
-from mixpinn.press.model import PoseModel, quadratic_features
+from mixpinn.press.fit import PoseSamples, fit_pose
+from mixpinn.press.model import PoseModel
 from mixpinn.press.records import ProbeGeometry
 from mixpinn.reduced.equilibrium import Equilibrium
 from mixpinn.reduced.hybrid import HybridModel
 from mixpinn.reduced.modal_newton import ModalNewton
 from mixpinn.reduced.prior import ElasticPrior
+from mixpinn.reduced.quadratic_features import quadratic_features
 from reduced.pressed_block import TISSUE, top_nodes
 from training.toy_block import block_mesh
 
@@ -122,12 +123,6 @@ def test_the_fit_finds_a_quadratic_law(model) -> None:
     assert np.abs(field - asked.truth).max() < 0.02 * np.abs(asked.unknowns - asked.truth).max()
     force = asked.wrench + phi @ fitted.correction.wrench_gain
     assert np.abs(force - asked.true_wrench).max() < 0.02 * np.abs(asked.wrench - asked.true_wrench).max()
-
-
-def test_ridge_without_strength_is_least_squares() -> None:
-    rng = np.random.default_rng(0)
-    x, y = rng.normal(size=(40, 5)), rng.normal(size=(40, 2))
-    assert_allclose(ridge(x, y, 0.0), np.linalg.lstsq(x, y, rcond=None)[0], atol=1e-10)
 
 
 def test_features_are_zero_at_rest_and_quadratic() -> None:

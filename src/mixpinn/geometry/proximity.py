@@ -1,9 +1,11 @@
 """Where two surfaces come close: locally nearest points of triangles to a cloud of points.
 
-A point may touch several places of a surface at once, for example both faces of a valley. What counts as a contact
-is therefore every *local* minimum of the distance to the surface: the foot of the perpendicular inside a triangle,
-a point on an edge that both adjacent triangles have as their nearest, or a vertex that all incident triangles have
-as theirs. Contacts on edges and vertices are listed once, not once per triangle.
+A point may be near several places of a surface at once, for example both faces of a valley. Listed is therefore every
+*local* minimum of the distance to the surface: the foot of the perpendicular inside a triangle, a point on an edge that
+both adjacent triangles have as their nearest, or a vertex that all incident triangles have as theirs. Places on edges
+and vertices are listed once, not once per triangle. Friction chooses its material points among them, and clearances are
+measured to them. The normal force of contact is another matter: it counts every pair closer than the gap, local minimum
+or not, which keeps it continuous.
 """
 
 from dataclasses import dataclass

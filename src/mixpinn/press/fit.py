@@ -3,14 +3,15 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.linalg
 
 from mixpinn.base.arrays import AnyArray, Float32Array, FloatArray, IntArray
 from mixpinn.base.errors import InputError
 from mixpinn.base.progress import track
-from mixpinn.press.model import PoseCorrection, PoseModel, quadratic_features
+from mixpinn.press.model import PoseCorrection, PoseModel
 from mixpinn.records import SampleTable
 from mixpinn.reduced.modes import coefficients, principal_modes
+from mixpinn.reduced.quadratic_features import quadratic_features
+from mixpinn.reduced.ridge import column_norms, ridge
 
 RIDGES = (1e-5, 1e-4, 1e-3, 1e-2)
 SIZES = (8, 12, 16, 24)
@@ -84,7 +85,9 @@ def fit_pose(
         known = quadratic_features(training.coordinates[:, :k] / scale)
         asked = quadratic_features(validation.coordinates[:, :k] / scale)
         for strength in RIDGES:
-            solved = ridge(known, np.concatenate([missing, wrench], axis=1), strength)
+            solved = ridge(
+                known, np.concatenate([missing, wrench], axis=1), penalty=strength, scale=column_norms(known),
+            )
             gain, wrench_gain = solved[:, : len(modes)], solved[:, len(modes):]
             correction = PoseCorrection(modes, gain.astype(np.float32), wrench_gain, scale)
             field_error = float(np.linalg.norm(asked @ gain - left, axis=1).mean())
@@ -113,14 +116,3 @@ def _widened(gain: AnyArray, k: int, wide: int) -> FloatArray:
     widened = np.zeros((len(kept), gain.shape[1]))
     widened[kept] = gain
     return widened
-
-
-def ridge(features: AnyArray, targets: AnyArray, strength: float) -> FloatArray:
-    """Coefficients (f, o) of the ridge regression of targets (N, o) on features (N, f), which are scaled to norm 1."""
-    x, y = np.asarray(features, dtype=np.float64), np.asarray(targets, dtype=np.float64)
-    gram = x.T @ x
-    size = np.sqrt(np.diag(gram)) + 1e-30
-    gram = gram / np.outer(size, size)
-    gram[np.diag_indices_from(gram)] += strength
-    solved: FloatArray = scipy.linalg.solve(gram, (x.T @ y) / size[:, None], assume_a="pos") / size[:, None]
-    return solved

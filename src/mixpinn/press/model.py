@@ -24,6 +24,7 @@ from mixpinn.base.arrays import AnyArray, Float32Array, FloatArray
 from mixpinn.press.contact import ContactSession, PriorContact
 from mixpinn.press.records import ContactHistory, ContactPrediction, ProbeGeometry
 from mixpinn.reduced.hybrid import HybridModel
+from mixpinn.reduced.quadratic_features import quadratic_features
 from mixpinn.reduced.row_products import combine_rows, rows_times
 
 
@@ -173,12 +174,3 @@ class PoseModel:
         force = -contact.history.force[session.patch].ravel()
         shift: FloatArray = here - session.compliance @ force - answer
         return shift.reshape(-1, 3)
-
-
-def quadratic_features(coordinates: AnyArray) -> Float32Array:
-    """[a, a_i a_j for i ≤ j], shape (…, k) → (…, k + k (k + 1) / 2)."""
-    first, second = np.triu_indices(coordinates.shape[-1])
-    joined: Float32Array = np.concatenate(
-        [coordinates, coordinates[..., first] * coordinates[..., second]], axis=-1,
-    ).astype(np.float32)
-    return joined

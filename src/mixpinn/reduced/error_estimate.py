@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from mixpinn.base.arrays import AnyArray, FloatArray
+from mixpinn.reduced.ridge import ridge
 
 _LOW = 8
 """Modes that count as large-scale."""
@@ -76,7 +77,7 @@ class ErrorEstimate:
     @staticmethod
     def fit(
         signs: list[Signs], error: AnyArray, *, training_coordinates: AnyArray, level: float = 0.95,
-        ridge: float = 1e-2,
+        penalty: float = 1e-2,
     ) -> "ErrorEstimate":
         """Calibrate on samples that the model was not fitted on.
 
@@ -85,14 +86,13 @@ class ErrorEstimate:
             error: their mean Euclidean error [mm], shape (S,).
             training_coordinates: of the samples that the model was fitted on, shape (T, k).
             level: probability of the bound.
-            ridge: keeps collinear signs apart.
+            penalty: of the regression, relative to the number of samples; keeps collinear signs apart.
         """
         rows = np.array([_row(sign) for sign in signs])
         target = np.log(np.maximum(error, _FLOOR))
         centre = rows.mean(axis=0)
         centred = rows[:, 1:] - centre[1:]
-        normal = centred.T @ centred + ridge * len(rows) * np.eye(centred.shape[1])
-        slopes = np.linalg.solve(normal, centred.T @ (target - target.mean()))
+        slopes = ridge(centred, target - target.mean(), penalty=penalty * len(rows))
         coefficients = np.concatenate([[target.mean() - slopes @ centre[1:]], slopes])
         ratio = np.exp(target - rows @ coefficients)
         # The quantile of a finite sample, with the margin of conformal prediction.

@@ -18,6 +18,7 @@ from mixpinn.reduced.hybrid import HybridModel, features
 from mixpinn.reduced.modal_newton import ModalNewton
 from mixpinn.reduced.modes import coefficients, principal_modes
 from mixpinn.reduced.prior import ElasticPrior
+from mixpinn.reduced.ridge import column_deviations, ridge
 from mixpinn.reduced.row_products import rows_times
 
 
@@ -217,28 +218,25 @@ def fit_gain(
     rest = target - length * newton
     used = np.zeros(rows.shape[1], dtype=bool)
     used[:n_modes], used[n_modes:] = config.newton, config.response
-    choices = [(used, ridge) for ridge in config.ridge]
+    choices = [(used, penalty) for penalty in config.ridge]
     if config.newton and config.response:
         alone = used.copy()
         alone[n_modes:] = False
-        choices += [(alone, ridge) for ridge in config.ridge]
-    errors = [_cross_validate(rows[:, chosen], rest, position, ridge) for chosen, ridge in choices]
-    chosen, ridge = choices[int(np.argmin(errors))]
+        choices += [(alone, penalty) for penalty in config.ridge]
+    errors = [_cross_validate(rows[:, chosen], rest, position, penalty) for chosen, penalty in choices]
+    chosen, penalty = choices[int(np.argmin(errors))]
     gain = np.zeros((rows.shape[1], n_modes))
-    gain[chosen] = _ridge(rows[:, chosen], rest, ridge)
+    gain[chosen] = _ridge(rows[:, chosen], rest, penalty)
     gain[:n_modes] += length * np.eye(n_modes)
     return gain.astype(np.float32), {
-        "ridge": ridge, "features": int(chosen.sum()), "newton_length": length,
+        "ridge": penalty, "features": int(chosen.sum()), "newton_length": length,
         "cross_validation": min(errors),
     }
 
 
 def _ridge(rows: FloatArray, target: FloatArray, penalty: float) -> FloatArray:
-    scale = np.maximum(rows.std(axis=0), 1e-12)
-    rows = rows / scale
-    normal = rows.T @ rows + penalty * len(rows) * np.eye(rows.shape[1])
-    gain: FloatArray = np.linalg.solve(normal, rows.T @ target) / scale[:, None]
-    return gain
+    """Ridge regression on features of unit variance, the penalty relative to the number of samples."""
+    return ridge(rows, target, penalty=penalty * len(rows), scale=column_deviations(rows))
 
 
 def _cross_validate(rows: FloatArray, target: FloatArray, position: IntArray, penalty: float, folds: int = 5) -> float:

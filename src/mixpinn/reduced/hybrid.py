@@ -25,6 +25,7 @@ from mixpinn.reduced.equilibrium import Equilibrium
 from mixpinn.reduced.error_estimate import ErrorEstimate, Signs
 from mixpinn.reduced.modal_newton import ModalNewton
 from mixpinn.reduced.prior import ContactSystem, ElasticPrior, contact_nodes
+from mixpinn.reduced.quadratic_features import quadratic_features
 
 HYBRID_FILE, _TENSORS, _PRIOR = "hybrid.json", "hybrid.safetensors", "prior"
 POSE_FILE = "pose.safetensors"
@@ -176,8 +177,5 @@ class HybridModel:
 
 def features(step: AnyArray, coordinates: AnyArray) -> Float32Array:
     """φ = [ν, a, a_i a_j for i ≤ j], shapes (…, m) and (…, k) → (…, m + k + k (k + 1) / 2)."""
-    first, second = np.triu_indices(coordinates.shape[-1])
-    joined: Float32Array = np.concatenate(
-        [step, coordinates, coordinates[..., first] * coordinates[..., second]], axis=-1,
-    ).astype(np.float32)
+    joined: Float32Array = np.concatenate([step, quadratic_features(coordinates)], axis=-1).astype(np.float32)
     return joined

@@ -12,22 +12,16 @@ a millimetre. What makes a stiff penalty expensive, contacts that switch on one 
 solve condenses the elastic body to the patch of skin that the probe can reach (`mixpinn.physics.condensed_contact`),
 where an iteration takes a fraction of a millisecond. The violation of the gap is reported with every step.
 
-Normal contact. For a pair at distance d the violation is v = g − d with the gap g, the energy
-
-    φ(v) = 0                              v ≤ 0
-         = k v³ / (6 δ)                   0 < v < δ
-         = k (v²/2 − δ v/2 + δ²/6)        v ≥ δ
-
-and the force N = φ'(v) acts along the line that joins the pair. All pairs closer than the gap count, not only local
+Normal contact. The penalty of `mixpinn.physics.contact_law` acts along the line that joins a pair closer than the gap.
+All pairs closer than the gap count, not only local
 minima of the distance: the distance to one triangle has a continuous gradient everywhere, whereas a local minimum
 vanishes with a jump of the force where the nearest place runs over the edge of a valley. Near an edge two triangles
 share the load, which makes contact stiffer there and changes nothing else.
 
 Friction. For each contact point the relative tangential motion Δs since the start of the step is measured between
-two material points chosen at the start of the step. The elastic slip e = e₀ + Δs carries T = k e while k |e| ≤ μ N
-(stick), otherwise T = μ N e/|e| (slip), and at the end of the step e₀ ← T / k (J. C. Simo and T. A. Laursen, An
-augmented Lagrangian treatment of contact problems involving friction, Computers & Structures 42, 1992: its penalty
-regularization). N is that of the current iterate, its derivative included in the stiffness.
+two material points chosen at the start of the step. The elastic slip e = e₀ + Δs is mapped back to Coulomb's cone by
+the same law, and at the end of the step e₀ is what is left of it. N is that of the current iterate, its derivative
+included in the stiffness.
 """
 
 from dataclasses import dataclass, field

@@ -9,25 +9,91 @@ tip or the base of T_k (0 elsewhere),
     ∂²(d²/2)/∂x_i ∂x_j = w_i w_j 1 − Σ_kl (M⁻¹)_kl (w_i T_k + c_ki e)(w_j T_l + c_lj e)ᵀ,
     ∂²d/∂x_i ∂x_j = (∂²(d²/2)/∂x_i ∂x_j − w_i w_j n nᵀ) / d.
 
-A vertex against a fixed triangle is the same with one moving vertex, w = 1 and c = 0.
+A vertex against a fixed triangle is the same with one moving vertex, w = 1 and c = 0. The laws of the normal force and
+of friction are those of `mixpinn.physics.contact_law`.
 """
+
+from typing import NamedTuple
 
 import numba
 import numpy as np
 
+from mixpinn.base.arrays import BoolArray, FloatArray, IntArray
 from mixpinn.geometry.proximity import nearest_on_triangle
+from mixpinn.physics.contact_law import penalty, return_slip, slip_derivative
 
 # mypy cannot see through numba's decorators: the kernels are untyped, their callers are not.
 
 
-@numba.njit(cache=True)
-def _penalty(v, k, delta):  # type: ignore[no-untyped-def]
-    """φ, φ' and φ'' of `mixpinn.fem.contact.model`."""
-    if v <= 0.0:
-        return 0.0, 0.0, 0.0
-    if v < delta:
-        return k * v**3 / (6.0 * delta), k * v * v / (2.0 * delta), k * v / delta
-    return k * (0.5 * v * v - 0.5 * delta * v + delta * delta / 6.0), k * (v - 0.5 * delta), k
+class Pairs(NamedTuple):
+    """The placed probe, a patch of skin, and the pairs of them that may touch.
+
+    Attributes:
+        samples: of the probe, placed [mm], shape (s, 3).
+        corners: vertices of the probe, placed [mm], shape (c, 3).
+        probe_triangles: of the probe by corner, shape (t, 3).
+        triangles: of the patch by vertex, shape (u, 3).
+        of_samples: sample and triangle of the patch, shape (a, 2).
+        of_vertices: vertex of the patch and triangle of the probe, shape (b, 2).
+    """
+
+    samples: FloatArray
+    corners: FloatArray
+    probe_triangles: IntArray
+    triangles: IntArray
+    of_samples: IntArray
+    of_vertices: IntArray
+
+
+class Anchors(NamedTuple):
+    """What friction refers to, for each contact point: the samples, then the vertices of the patch; p of them.
+
+    Attributes:
+        anchored: whether friction holds it, shape (p,).
+        vertices, weights: the place of the skin, shapes (p, 3).
+        normal: unit normal from probe to skin, shape (p, 3).
+        offset: elastic slip at the start, less relative position at the start, less the position of the probe's
+            material point [mm], shape (p, 3): the slip is offset + Σ w x.
+    """
+
+    anchored: BoolArray
+    vertices: IntArray
+    weights: FloatArray
+    normal: FloatArray
+    offset: FloatArray
+
+
+class _Sums(NamedTuple):
+    """What contact adds up to on the patch: gradient (v, 3), stiffness (3 v, 3 v), and which vertices it touches."""
+
+    gradient: FloatArray
+    hessian: FloatArray
+    touched: BoolArray
+
+
+class _Slopes(NamedTuple):
+    """Derivative of each contact point's normal force, N' = −φ'' w n, as a linked list of its pairs."""
+
+    last: IntArray
+    link: IntArray
+    vertex: IntArray
+    slope: FloatArray
+
+
+class _Pair(NamedTuple):
+    """Work space for one pair: its triangle, the vertices that move and their weights, e and n, spans and levers."""
+
+    corner: FloatArray
+    vertices: IntArray
+    weights: FloatArray
+    apart: FloatArray
+    direction: FloatArray
+    edges: FloatArray
+    inverse: FloatArray
+    tips: IntArray
+    bases: IntArray
+    lever: FloatArray
+    turned: FloatArray
 
 
 @numba.njit(cache=True)
@@ -63,58 +129,157 @@ def _gram_inverse(edges, m, inverse):  # type: ignore[no-untyped-def]
     inverse[0, 1] = inverse[1, 0] = -scale * b
 
 
-@numba.njit(cache=True)
-def evaluate(  # type: ignore[no-untyped-def]
-    x, samples, sample_pairs, triangles, corners, vertex_pairs, probe_triangles, gap, k, delta,
-    mu, k_slip, anchored, anchor_vertices, anchor_weights, anchor_normal, anchor_offset, exact,
-):
-    """Contact of placed probe samples and corners with skin vertices `x` (v, 3); see `mixpinn.fem.contact.model`.
+@numba.njit(cache=True, inline="always")
+def _moving_vertices(by_sample, first, t, point, triangles, nearest, pair):  # type: ignore[no-untyped-def]
+    """Fill vertices, weights and e of a touching pair; returns how many vertices move."""
+    wa, wb, wc = nearest
+    if by_sample:
+        pair.weights[0], pair.weights[1], pair.weights[2] = wa, wb, wc
+        for i in range(3):
+            pair.vertices[i] = triangles[t, i]
+        for r in range(3):
+            pair.apart[r] = wa * pair.corner[0, r] + wb * pair.corner[1, r] + wc * pair.corner[2, r] - point[r]
+        return 3
+    pair.weights[0], pair.weights[1], pair.weights[2] = 1.0, 0.0, 0.0
+    pair.vertices[0] = first
+    for r in range(3):
+        pair.apart[r] = point[r] - wa * pair.corner[0, r] - wb * pair.corner[1, r] - wc * pair.corner[2, r]
+    return 1
 
-    Contact points are the samples followed by the skin vertices. `anchor_offset` is elastic slip at the start minus
-    relative position at the start minus the position of the probe's material point, so that e = offset + Σ w x.
+
+@numba.njit(cache=True, inline="always")
+def _levers(by_sample, moving, m, pair):  # type: ignore[no-untyped-def]
+    """Fill the levers L_ki = w_i T_k + c_ki e of every span and moving vertex, and Σ_l (M⁻¹)_kl L_lj."""
+    edges, inverse, lever, turned = pair.edges, pair.inverse, pair.lever, pair.turned
+    weights, apart, tips, bases = pair.weights, pair.apart, pair.tips, pair.bases
+    if m > 0:
+        _gram_inverse(edges, m, inverse)
+    for k in range(m):
+        for i in range(moving):
+            sign = 0.0
+            if by_sample:
+                sign = 1.0 if i == tips[k] else (-1.0 if i == bases[k] else 0.0)
+            for r in range(3):
+                lever[k, i, r] = weights[i] * edges[k, r] + sign * apart[r]
+    for k in range(m):
+        for i in range(moving):
+            for r in range(3):
+                total = 0.0
+                for n in range(m):
+                    total += inverse[k, n] * lever[n, i, r]
+                turned[k, i, r] = total
+
+
+@numba.njit(cache=True, inline="always")
+def _add_normal(pair, moving, m, push, stiffness, bend, sums):  # type: ignore[no-untyped-def]
+    """Add force and stiffness of a touching pair; `bend` is N / d and m the spans where it holds ∂²d, else zero."""
+    weights, vertices, direction, lever, turned = pair.weights, pair.vertices, pair.direction, pair.lever, pair.turned
+    gradient, hessian, touched = sums.gradient, sums.hessian, sums.touched
+    for i in range(moving):
+        wi, vi = weights[i], vertices[i]
+        if wi != 0.0 or m > 0:
+            touched[vi] = True
+        for r in range(3):
+            gradient[vi, r] -= push * wi * direction[r]
+        for j in range(moving):
+            ww, vj = wi * weights[j], vertices[j]
+            for r in range(3):
+                for c in range(3):
+                    value = (stiffness + bend) * ww * direction[r] * direction[c]
+                    if r == c:
+                        value -= bend * ww
+                    for k in range(m):
+                        value += bend * lever[k, i, r] * turned[k, j, c]
+                    hessian[3 * vi + r, 3 * vj + c] += value
+
+
+@numba.njit(cache=True, inline="always")
+def _add_friction(key, x, anchors, push, law, exact, slopes, sums, slip, e, u):  # type: ignore[no-untyped-def]
+    """Add force and stiffness of friction at a contact point that carries `push`; fills its `slip`, returns energy."""
+    normal, weights, vertices = anchors.normal[key], anchors.weights[key], anchors.vertices[key]
+    gradient, hessian, touched = sums.gradient, sums.hessian, sums.touched
+    for r in range(3):
+        e[r] = anchors.offset[key, r]
+        for i in range(3):
+            e[r] += weights[i] * x[vertices[i], r]
+    factor, sticks, energy = return_slip(e, normal, law.friction * push, law.slip_stiffness, u)
+    for r in range(3):
+        slip[r] = factor / law.slip_stiffness * e[r]
+    for i in range(3):
+        wi, vi = weights[i], vertices[i]
+        if wi == 0.0:
+            continue
+        touched[vi] = True
+        for r in range(3):
+            gradient[vi, r] += wi * factor * e[r]
+        for j in range(3):
+            wj, vj = weights[j], vertices[j]
+            if wj == 0.0:
+                continue
+            for r in range(3):
+                for c in range(3):
+                    hessian[3 * vi + r, 3 * vj + c] += wi * wj * factor * slip_derivative(r, c, normal, u)
+        if exact and not sticks:
+            pair = slopes.last[key]
+            while pair >= 0:
+                for j in range(3):
+                    vj = slopes.vertex[pair, j]
+                    for r in range(3):
+                        for c in range(3):
+                            hessian[3 * vi + r, 3 * vj + c] += wi * law.friction * u[r] * slopes.slope[pair, j, c]
+                pair = slopes.link[pair]
+    return energy
+
+
+@numba.njit(cache=True)
+def evaluate(x, pairs, anchors, law, gap, exact):  # type: ignore[no-untyped-def]
+    """Contact of placed probe samples and corners with skin vertices `x` (v, 3) [mm].
+
     Without `exact` the stiffness lacks N ∂²d and the dependence of friction on N, and is positive semi-definite.
+
+    Args:
+        x: vertices of the patch [mm], shape (v, 3).
+        pairs: `Pairs`.
+        anchors: `Anchors`.
+        law: `ContactConstants`.
+        gap: distance at which contact acts [mm].
+        exact: see above.
 
     Returns:
         energy, largest violation, number of active pairs, gradient (v, 3), stiffness (3 v, 3 v), which vertices carry
         any (v,), normal force (p,) and elastic slip (p, 3) of each contact point.
     """
-    n_samples, n = len(samples), len(x)
-    n_points = n_samples + n
+    n_samples, n, n_first = len(pairs.samples), len(x), len(pairs.of_samples)
+    n_points, n_pairs = n_samples + n, n_first + len(pairs.of_vertices)
     energy, worst, hits = 0.0, 0.0, 0
-    gradient = np.zeros((n, 3))
-    hessian = np.zeros((3 * n, 3 * n))
-    touched = np.zeros(n, np.bool_)
-    force = np.zeros(n_points)
-    slip = np.zeros((n_points, 3))
-    n_pairs = len(sample_pairs) + len(vertex_pairs)
-    # Derivative of each contact point's normal force, as a linked list of its pairs: N' = −φ'' w n.
-    last = np.full(n_points, -1)
-    link = np.empty(n_pairs, np.int64)
-    pair_vertex = np.empty((n_pairs, 3), np.int64)
-    pair_slope = np.empty((n_pairs, 3, 3))
-    corner, edges, inverse = np.empty((3, 3)), np.zeros((2, 3)), np.zeros((2, 2))
-    tips, bases = np.zeros(2, np.int64), np.zeros(2, np.int64)
-    weights, vertices = np.empty(3), np.empty(3, np.int64)
-    e, direction = np.empty(3), np.empty(3)
-    lever = np.empty((2, 3, 3))
-    for pair in range(n_pairs):
-        by_sample = pair < len(sample_pairs)
+    sums = _Sums(np.zeros((n, 3)), np.zeros((3 * n, 3 * n)), np.zeros(n, np.bool_))
+    force, slip = np.zeros(n_points), np.zeros((n_points, 3))
+    slopes = _Slopes(
+        np.full(n_points, -1), np.empty(n_pairs, np.int64), np.zeros((n_pairs, 3), np.int64), np.zeros((n_pairs, 3, 3)),
+    )
+    pair = _Pair(
+        np.empty((3, 3)), np.empty(3, np.int64), np.empty(3), np.empty(3), np.empty(3), np.zeros((2, 3)),
+        np.zeros((2, 2)), np.zeros(2, np.int64), np.zeros(2, np.int64), np.empty((2, 3, 3)),
+        np.empty((2, 3, 3)),
+    )
+    corner = pair.corner
+    for index in range(n_pairs):
+        by_sample = index < n_first
         if by_sample:
-            key, t = sample_pairs[pair, 0], sample_pairs[pair, 1]
-            point = samples[key]
+            first, t = pairs.of_samples[index, 0], pairs.of_samples[index, 1]
+            key, point = first, pairs.samples[first]
             for i in range(3):
-                corner[i] = x[triangles[t, i]]
+                corner[i] = x[pairs.triangles[t, i]]
         else:
-            vertex, t = vertex_pairs[pair - len(sample_pairs), 0], vertex_pairs[pair - len(sample_pairs), 1]
-            key = n_samples + vertex
-            point = x[vertex]
+            first, t = pairs.of_vertices[index - n_first, 0], pairs.of_vertices[index - n_first, 1]
+            key, point = n_samples + first, x[first]
             for i in range(3):
-                corner[i] = corners[probe_triangles[t, i]]
+                corner[i] = pairs.corners[pairs.probe_triangles[t, i]]
         wa, wb, wc, squared, feature = nearest_on_triangle(
             point[0], point[1], point[2], corner[0], corner[1], corner[2],
         )
         distance = np.sqrt(squared)
-        phi, push, stiffness = _penalty(gap - distance, k, delta)
+        phi, push, stiffness = penalty(gap - distance, law.stiffness, law.smoothing)
         if push == 0.0:
             continue
         hits += 1
@@ -122,113 +287,22 @@ def evaluate(  # type: ignore[no-untyped-def]
         worst = max(worst, gap - distance)
         force[key] += push
         distance = max(distance, 1e-9)
-        m = _spans(feature, corner, edges, tips, bases)
-        if m > 0:
-            _gram_inverse(edges, m, inverse)
-        if by_sample:
-            moving = 3
-            weights[0], weights[1], weights[2] = wa, wb, wc
-            for i in range(3):
-                vertices[i] = triangles[t, i]
-            for r in range(3):
-                e[r] = wa * corner[0, r] + wb * corner[1, r] + wc * corner[2, r] - point[r]
-        else:
-            moving = 1
-            weights[0], weights[1], weights[2] = 1.0, 0.0, 0.0
-            vertices[0] = vertex
-            for r in range(3):
-                e[r] = point[r] - wa * corner[0, r] - wb * corner[1, r] - wc * corner[2, r]
+        moving = _moving_vertices(by_sample, first, t, point, pairs.triangles, (wa, wb, wc), pair)
         for r in range(3):
-            direction[r] = e[r] / distance
-        for kk in range(m):
-            for i in range(moving):
-                sign = 0.0
-                if by_sample:
-                    sign = 1.0 if i == tips[kk] else (-1.0 if i == bases[kk] else 0.0)
-                for r in range(3):
-                    lever[kk, i, r] = weights[i] * edges[kk, r] + sign * e[r]
-        link[pair] = last[key]
-        last[key] = pair
-        for i in range(3):
-            pair_vertex[pair, i] = vertices[i] if i < moving else 0
-            for r in range(3):
-                pair_slope[pair, i, r] = -stiffness * weights[i] * direction[r] if i < moving else 0.0
-        bend = push / distance if exact else 0.0
+            pair.direction[r] = pair.apart[r] / distance
+        slopes.link[index], slopes.last[key] = slopes.last[key], index
         for i in range(moving):
-            if weights[i] != 0.0:
-                touched[vertices[i]] = True
+            slopes.vertex[index, i] = pair.vertices[i]
             for r in range(3):
-                gradient[vertices[i], r] -= push * weights[i] * direction[r]
-            for j in range(moving):
-                ww = weights[i] * weights[j]
-                for r in range(3):
-                    for c in range(3):
-                        value = (stiffness + bend) * ww * direction[r] * direction[c]
-                        if r == c:
-                            value -= bend * ww
-                        if exact:
-                            for kk in range(m):
-                                for ll in range(m):
-                                    value += bend * inverse[kk, ll] * lever[kk, i, r] * lever[ll, j, c]
-                        hessian[3 * vertices[i] + r, 3 * vertices[j] + c] += value
-        if exact and m > 0:
-            for i in range(moving):
-                touched[vertices[i]] = True
-    if mu > 0.0 and hits > 0:
-        u = np.empty(3)
+                slopes.slope[index, i, r] = -stiffness * pair.weights[i] * pair.direction[r]
+        m, bend = 0, 0.0
+        if exact:
+            m, bend = _spans(feature, corner, pair.edges, pair.tips, pair.bases), push / distance
+            _levers(by_sample, moving, m, pair)
+        _add_normal(pair, moving, m, push, stiffness, bend, sums)
+    if law.friction > 0.0 and hits > 0:
+        e, u = np.empty(3), np.empty(3)
         for key in range(n_points):
-            if force[key] <= 0.0 or not anchored[key]:
-                continue
-            normal = anchor_normal[key]
-            for r in range(3):
-                e[r] = anchor_offset[key, r]
-                for i in range(3):
-                    e[r] += anchor_weights[key, i] * x[anchor_vertices[key, i], r]
-            along = e[0] * normal[0] + e[1] * normal[1] + e[2] * normal[2]
-            size = 0.0
-            for r in range(3):
-                e[r] -= along * normal[r]
-                size += e[r] * e[r]
-            size = np.sqrt(size)
-            limit = mu * force[key]
-            sticks = k_slip * size <= limit
-            if sticks:
-                energy += 0.5 * k_slip * size * size
-                factor, shrink = k_slip, 0.0
-                for r in range(3):
-                    u[r], slip[key, r] = 0.0, e[r]
-            else:
-                energy += limit * (size - 0.5 * limit / k_slip)
-                factor, shrink = limit / size, 1.0
-                for r in range(3):
-                    u[r] = e[r] / size
-                    slip[key, r] = limit / k_slip * u[r]
-            for i in range(3):
-                wi = anchor_weights[key, i]
-                if wi == 0.0:
-                    continue
-                vi = anchor_vertices[key, i]
-                touched[vi] = True
-                for r in range(3):
-                    gradient[vi, r] += k_slip * slip[key, r] * wi
-                for j in range(3):
-                    wj = anchor_weights[key, j]
-                    if wj == 0.0:
-                        continue
-                    vj = anchor_vertices[key, j]
-                    for r in range(3):
-                        for c in range(3):
-                            value = -normal[r] * normal[c] - shrink * u[r] * u[c]
-                            if r == c:
-                                value += 1.0
-                            hessian[3 * vi + r, 3 * vj + c] += wi * wj * factor * value
-                if exact and not sticks:
-                    pair = last[key]
-                    while pair >= 0:
-                        for j in range(3):
-                            vj = pair_vertex[pair, j]
-                            for r in range(3):
-                                for c in range(3):
-                                    hessian[3 * vi + r, 3 * vj + c] += wi * mu * u[r] * pair_slope[pair, j, c]
-                        pair = link[pair]
-    return energy, worst, hits, gradient, hessian, touched, force, slip
+            if force[key] > 0.0 and anchors.anchored[key]:
+                energy += _add_friction(key, x, anchors, force[key], law, exact, slopes, sums, slip[key], e, u)
+    return energy, worst, hits, sums.gradient, sums.hessian, sums.touched, force, slip

@@ -6,10 +6,11 @@ import numpy as np
 
 from mixpinn.base.arrays import BoolArray, FloatArray
 from mixpinn.fem.contact.model import ContactModel, FrictionFrame
-from mixpinn.fem.contact.pair_kernel import evaluate
+from mixpinn.fem.contact.pair_kernel import Anchors, Pairs, evaluate
 from mixpinn.fem.contact.surfaces import SkinPatch
 from mixpinn.geometry.probe_pose import ProbePose
 from mixpinn.geometry.triangle_search import close_pairs, points_beneath
+from mixpinn.physics.contact_law import ContactConstants
 
 _MARGIN = 2.0
 """How far [mm] a vertex may move before close pairs are sought again."""
@@ -63,10 +64,11 @@ class ContactProblem:
         local = np.full(len(model.skin.nodes), -1, dtype=np.int64)
         local[patch.vertices] = np.arange(len(patch.vertices))
         vertices = local[frame.vertices[chosen]]
-        self._anchored = frame.anchored[chosen] & (vertices >= 0).all(axis=1)
-        self._anchor_vertices = np.where(self._anchored[:, None], vertices, 0)
-        self._anchor_weights, self._anchor_normal = frame.weights[chosen], frame.normal[chosen]
-        self._anchor_offset = frame.slip[chosen] - frame.start[chosen] - pose.place(frame.local[chosen])
+        anchored = frame.anchored[chosen] & (vertices >= 0).all(axis=1)
+        self._anchors = Anchors(
+            anchored, np.where(anchored[:, None], vertices, 0), frame.weights[chosen], frame.normal[chosen],
+            frame.slip[chosen] - frame.start[chosen] - pose.place(frame.local[chosen]),
+        )
         self._seen_at: FloatArray | None = None
         nothing = np.empty((0, 2), dtype=np.int64)
         self._sample_pairs, self._vertex_pairs = nothing, nothing
@@ -82,11 +84,13 @@ class ContactProblem:
         positions = np.ascontiguousarray(positions)
         self._seek_pairs(positions)
         config = self.model.config
+        pairs = Pairs(
+            self._samples, self._corners, self.model.probe.surface.triangles, self.patch.triangles, self._sample_pairs,
+            self._vertex_pairs,
+        )
+        law = ContactConstants(config.stiffness, config.smoothing, config.friction, config.stiffness)
         energy, penetration, hits, gradient, stiffness, touched, force, slip = evaluate(
-            positions, self._samples, self._sample_pairs, self.patch.triangles, self._corners, self._vertex_pairs,
-            self.model.probe.surface.triangles, config.gap, config.stiffness, config.smoothing, config.friction,
-            config.stiffness, self._anchored, self._anchor_vertices, self._anchor_weights, self._anchor_normal,
-            self._anchor_offset, exact,
+            positions, pairs, self._anchors, law, config.gap, exact,
         )
         return ContactForces(energy, gradient, stiffness, touched, slip, force, penetration, hits)
 
@@ -104,7 +108,7 @@ class ContactProblem:
         Args:
             positions: of the patch's vertices [mm], shape (v, 3).
         """
-        near = self._samples[self._anchored[: len(self._samples)]]
+        near = self._samples[self._anchors.anchored[: len(self._samples)]]
         return bool(points_beneath(near, np.ascontiguousarray(positions), self.patch.triangles).any())
 
     def _seek_pairs(self, positions: FloatArray) -> None:

@@ -1,0 +1,14 @@
+"""Features of second order: what responses of the body are corrected by."""
+
+import numpy as np
+
+from mixpinn.base.arrays import AnyArray, Float32Array
+
+
+def quadratic_features(coordinates: AnyArray) -> Float32Array:
+    """[a, a_i a_j for i ≤ j], shape (…, k) → (…, k + k (k + 1) / 2); zero at zero."""
+    first, second = np.triu_indices(coordinates.shape[-1])
+    joined: Float32Array = np.concatenate(
+        [coordinates, coordinates[..., first] * coordinates[..., second]], axis=-1,
+    ).astype(np.float32)
+    return joined
