@@ -7,7 +7,6 @@ any numerical library is loaded. A first short pose, which compiles the kernels,
 """
 
 import argparse
-import json
 import os
 import sys
 import time
@@ -24,6 +23,7 @@ if __name__ == "__main__":
 import numpy as np  # noqa: E402
 from scipy.spatial.transform import Rotation  # noqa: E402
 
+from benchmarks.history import report  # noqa: E402
 from mixpinn.fem import PAPER_TISSUE, PoseSimulator, Scene, SolverConfig  # noqa: E402
 from mixpinn.geometry.probe_shapes import linear_probe  # noqa: E402
 from mixpinn.mesh import load_paper_mesh  # noqa: E402
@@ -100,12 +100,12 @@ def main(threads: int, poses: int) -> None:
     cpu = time.process_time() - cpu
     shares = {name: (value - before[2][name]) / seconds for name, value in effort.seconds.items()}
     shares["other"] = 1.0 - sum(shares.values())
-    print(json.dumps({
+    report("fem", {
         "seconds_per_step": seconds / loaded, "iterations_per_step": (effort.iterations - before[0]) / loaded,
         "factorizations_per_step": (effort.factorizations - before[1]) / loaded, "shares": shares,
         "cpu_seconds_per_step": cpu / loaded, "steps": loaded, "failed_steps": failed, "penetration_mm": penetration,
         "residual": residual, "threads": threads, "mesh": "paper" if found else "block", "nodes": mesh.n_points,
-    }))
+    })
 
 
 if __name__ == "__main__":

@@ -9,7 +9,6 @@ one training step adds to a fresh process that has imported everything and has r
 
 import argparse
 import functools
-import json
 import os
 import statistics
 import subprocess
@@ -25,6 +24,7 @@ from scipy.spatial import Delaunay
 from torch import Tensor, nn
 from torch_geometric.nn import GATConv
 
+from benchmarks.history import report
 from mixpinn.graph import node_input
 from mixpinn.networks import MIXPINN, DisplacementModel, GATNetwork, build_graph_for, build_model, mean_euclidean_error
 from mixpinn.records import TissueMesh
@@ -232,7 +232,7 @@ def main() -> None:
         for name, value in results[width].items():
             print(f"  {name:30s} {value:.4g}" if isinstance(value, float) else f"  {name:30s} {value}")
     first, *others = results.values()
-    print(json.dumps({"mesh": where, **first, **{f"{other['width']}": other for other in others}}))
+    report("gat", {"mesh": where, **first, **{f"{other['width']}": other for other in others}})
 
 
 if __name__ == "__main__":

@@ -6,11 +6,12 @@ is the wall time of one prediction, warm, from the field of contact displacement
 """
 
 import argparse
-import json
 import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from benchmarks.history import report
 
 if TYPE_CHECKING:
     from mixpinn.press.model import PoseModel
@@ -73,7 +74,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     options = _parser.parse_args(arguments)
     for name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
         os.environ.setdefault(name, str(options.threads))  # before the libraries are loaded
-    print(json.dumps(measure(options.bundle, options.store, options.threads)))
+    report("hybrid", measure(options.bundle, options.store, options.threads))
 
 
 if __name__ == "__main__":

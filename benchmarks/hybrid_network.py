@@ -7,13 +7,13 @@ every node in place of the contact displacement, which it contains.
 """
 
 import argparse
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 
 import numpy as np
 
+from benchmarks.history import report
 from benchmarks.hybrid_study import Study, measure
 from mixpinn.base.arrays import AnyArray, Float32Array
 from mixpinn.base.files import write_json
@@ -88,7 +88,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     rows = measure([model], study.table.at_positions(study.split.test), study.mesh, "test")
     rows[0] |= {"training_samples": len(train), "epochs": len(result.history), "seconds": result.seconds}
     write_json(options.out / "network.json", rows)
-    print(json.dumps(rows))
+    report("hybrid_network", rows, kept=rows[0])
 
 
 if __name__ == "__main__":

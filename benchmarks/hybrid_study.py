@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import spearmanr
 
+from benchmarks.history import report
 from mixpinn.base.arrays import AnyArray
 from mixpinn.base.files import read_json, write_json
 from mixpinn.dataset import SimulationStore, Split, build_sample_table, deeper_than, rotation_is
@@ -220,12 +221,17 @@ def main(arguments: Sequence[str] | None = None) -> None:
     study: Study | None = None
     for name in options.part or parts:
         file = options.out / f"{name}.json"
-        if not file.exists():
+        fresh = not file.exists()
+        if fresh:
             study = study or Study.of(options.store, options.split, further=options.sofa)
             write_json(file, parts[name](study))
         print(name)
         for row in read_json(file):
             print("  " + json.dumps({k: round(v, 4) if isinstance(v, float) else v for k, v in row.items()}))
+        if fresh:
+            report("hybrid_study", read_json(file), kept={
+                f"{name}, {row['model']}, MEE [mm]": row["mee"] for row in read_json(file) if "mee" in row
+            })
 
 
 if __name__ == "__main__":

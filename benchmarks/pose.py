@@ -8,7 +8,6 @@ percentiles over samples and vertebrae; of forces, |f − f_true| / |f_true|.
 """
 
 import argparse
-import json
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -17,6 +16,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from benchmarks.history import report
 from mixpinn.dataset import SimulationStore, Split, build_sample_table
 from mixpinn.press.contact import PriorContact
 from mixpinn.press.files import load_pose_model, save_pose_model
@@ -164,7 +164,7 @@ def main() -> None:
     for name, values in rows.items():
         print(f"{name:28s}" + "  ".join(f"{key} {value:.4f}" for key, value in values.items()))
     main_row = rows["pose model"]
-    print(json.dumps({
+    report("pose", {
         "pose_mee": main_row["mee"], "pose_mee_p95": main_row["mee_p95"], "pose_mee_max": main_row["mee_max"],
         "pose_rigid_mee": main_row["rigid_mee"],
         **{key: main_row[key] for key in (
@@ -173,7 +173,7 @@ def main() -> None:
         )},
         **latency(model, asked, args.repeats), "samples": len(asked), "part": args.part,
         "baselines": {name: values for name, values in rows.items() if name != "pose model"},
-    }))
+    })
 
 
 if __name__ == "__main__":

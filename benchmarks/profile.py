@@ -7,11 +7,11 @@ measurements lie in ``--out``, so that a command that was stopped goes on.
 """
 
 import argparse
-import json
 import os
 from dataclasses import asdict, replace
 from pathlib import Path
 
+from benchmarks.history import report
 from mixpinn.mesh import load_paper_mesh
 from mixpinn.records import TissueMesh
 from mixpinn.stages.anatomy import AnatomyConfig, make_anatomy
@@ -53,7 +53,9 @@ def main(arguments: list[str] | None = None) -> None:
     meshes = patient_meshes(data, options.out, tuple(options.sizes)) if there else phantom_meshes(options.out)
     config = replace(ProfileConfig(), threads=options.threads, repeats=options.repeats, hidden=options.width)
     timings = run_profile(meshes, config, out=options.out / f"threads-{options.threads}")
-    print(json.dumps([asdict(entry) for entry in timings]))
+    report("profile", [asdict(entry) for entry in timings], kept={
+        f"{entry.method}, {entry.mesh} ms": entry.median_ms for entry in timings
+    })
 
 
 if __name__ == "__main__":

@@ -1,6 +1,7 @@
 """The page of results: sections that are not given keep what an earlier command stored."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -41,12 +42,22 @@ def test_sections_keep_what_an_earlier_command_stored(sections, words, tmp_path)
         (tmp_path / "run").write_text(value)
         results.main([*words, *(part for name in names for part in (f"--{name}", str(tmp_path / "run")))])
     text = (tmp_path / "docs" / "page.md").read_text()
-    assert "## first\n\n3.00\n" in text
-    assert "## second\n\n2.00\n" in text
+    assert "## first\n\n[All tables](page/first.md)" in text
+    assert "\n3.00\n" in text
+    assert "\n2.00\n" in text
+    assert (tmp_path / "docs" / "page" / "second.md").read_text() == "# second\n\n\n2.00\n"
     assert text.index("## first") < text.index("## second")
     stored = json.loads((tmp_path / "docs" / "page" / "second.json").read_text())
     assert (stored["section"], stored["figure"]) == ("second", 2.0)
     assert stored["machine"].endswith("cores")
+
+
+def test_the_page_is_short_and_says_what_its_errors_are_measured_against():
+    page = (Path(results.__file__).parents[2] / "docs" / "results.md").read_text()
+    assert len(page.splitlines()) <= 250
+    for section in results.SECTIONS:
+        assert f"[All tables](results/{section.name}.md)" in page
+        assert section.kind in page
 
 
 def test_sections_without_figures_are_left_out(sections, words, tmp_path):

@@ -1,7 +1,8 @@
 """``python -m benchmarks.results``: write docs/results.md, its pictures and the README's figures from finished runs.
 
 Every figure on the page is read from what a command has stored; none is typed. Each section keeps its figures in
-``docs/results/NAME.json``; a section whose run is not given is rendered from what an earlier command kept.
+``docs/results/NAME.json`` and shows all of them in ``docs/results/NAME.md``; the page has the most important ones. A
+section whose run is not given is rendered from what an earlier command kept.
 """
 
 import argparse
@@ -14,7 +15,7 @@ from benchmarks.results.hybrid import short as hybrid_short
 from benchmarks.results.pipeline_run import DEMO, PATIENT1, short
 from benchmarks.results.profile import PROFILE
 from benchmarks.results.protocol import PROTOCOL
-from benchmarks.results.section import Section, store, stored
+from benchmarks.results.section import Section, full_text, page_text, store, stored
 from benchmarks.results.speed import SPEED
 from mixpinn.base.files import write_text
 from mixpinn.base.rundir import is_finished
@@ -22,6 +23,15 @@ from mixpinn.base.rundir import is_finished
 ROOT = Path(__file__).parents[2]
 SECTIONS: tuple[Section, ...] = (PATIENT1, DEMO, HYBRID, EXPERIMENTS, FULL_SCALE, PROFILE, PROTOCOL, SPEED)
 """In the order of the page."""
+
+
+KINDS = (
+    "**What the errors are measured against.** There are two kinds of figure, and no table mixes them. *Against its "
+    "own solver*: how well a model has learned the simulations that it was given. *Against the converged solution*: "
+    "how far it is from what finer meshes and better elements end at, which is what a statement about a patient needs. "
+    "All errors on this page are of the first kind. The solver's own discretisation, linear tetrahedra, is stiffer "
+    "than the converged solution by far more than most errors below: see [design](design.md), *Limits*.\n"
+)
 
 
 def fill_readme(path: Path, sections: dict[str, str]) -> None:
@@ -41,12 +51,14 @@ def page(folder: Path) -> str:
     """The page from the stored figures of every section."""
     kept = {section: stored(folder, section) for section in SECTIONS}
     machines = dict.fromkeys(data["machine"] for data in kept.values() if data is not None)
+    shown = {section: data for section, data in kept.items() if data is not None}
     return "\n".join([
         "# Results\n",
         f"Written by `python -m benchmarks.results` from finished runs. Machine: {'; '.join(machines)}, no GPU. Errors "
-        "are in millimetres, over the samples of probe positions that no model has seen; spread and intervals are "
-        "explained below each table.\n",
-        *(section.render(data) for section, data in kept.items() if data is not None),
+        "are in millimetres, over the samples of probe positions that no model has seen.\n",
+        KINDS,
+        *(page_text(section, data, folder.name) for section, data in shown.items()),
+        "```{toctree}\n:hidden:\n\n" + "".join(f"{folder.name}/{section.name}\n" for section in shown) + "```\n",
     ])
 
 
@@ -70,6 +82,10 @@ def main(arguments: list[str] | None = None) -> None:
             given = section.default
         if given is not None:
             store(folder, section, given, images)
+    for section in SECTIONS:
+        data = stored(folder, section)
+        if data is not None:
+            write_text(folder / f"{section.name}.md", full_text(section, data))
     write_text(options.out, page(folder))
     runs = {section.name: (stored(folder, section), f"make {section.name}") for section in (DEMO, PATIENT1)}
     figures = {name: short(data, command=command) for name, (data, command) in runs.items() if data is not None}

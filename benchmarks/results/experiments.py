@@ -4,7 +4,7 @@ import shutil
 from pathlib import Path
 from typing import Any
 
-from benchmarks.results.section import Data, Section
+from benchmarks.results.section import OWN_SOLVER, Data, Section
 from mixpinn.base.files import atomic_path, read_json
 from mixpinn.evaluation import Table
 
@@ -80,6 +80,19 @@ def render(data: Data) -> str:
     return "\n".join(lines)
 
 
+def brief(data: Data) -> str:
+    """The section in short: the claims in words, ours beside the paper's."""
+    tables = {stored["title"]: table_of(stored) for stored in data["tables"]}
+    beside = "Ours beside the paper's"
+    return "\n".join([
+        "## The paper's experiments, on a desk\n",
+        f"Command: `mixpinn ablate LABELMAPS --protocol desk`. Run of {data['run']} on {data['machine']}. "
+        f"{data['protocol']}\n",
+        *_words(tables), *([tables[beside].markdown()] if beside in tables else []),
+        *(f"![{TITLES[name]}](images/experiments-{name})\n" for name in data["pictures"][:1]),
+    ])
+
+
 def _words(tables: dict[str, Table]) -> list[str]:
     """The claims in plain words."""
     claims = tables.get("The paper's claims")
@@ -90,7 +103,7 @@ def _words(tables: dict[str, Table]) -> list[str]:
         for claim in dict.fromkeys(row[0] for row in claims.rows)
     ]
     return [
-        "What the paper claims, at this scale (from the table of claims below):\n", "\n".join(lines) + "\n",
+        "What the paper claims, at this scale (from the table of claims):\n", "\n".join(lines) + "\n",
         "The networks here are an eighth as wide as the paper's, see coarser fields of another solver and train for a "
         "fraction of its budget: compare rows with rows, not with the paper's figures. "
         "*Elastic prior*, which needs no training, stands in every table.\n",
@@ -118,6 +131,6 @@ def _verdict(rows: list[tuple[Any, ...]]) -> str:
 
 
 EXPERIMENTS = Section(
-    "ablation", collect, render, metavar="[WHAT=]DIR", several=True,
+    "ablation", collect, render, brief=brief, kind=OWN_SOLVER, metavar="[WHAT=]DIR", several=True,
     help="run directory of 'mixpinn ablate'; given again as WHAT=DIR for runs with another setting beside it",
 )

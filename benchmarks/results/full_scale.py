@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.results.section import Data, Section, table
+from benchmarks.results.section import SOFA, Data, Section, table
 from mixpinn.base.files import read_json
 from mixpinn.evaluation import PAPER_RESULTS, depth_table, loss_curves, results_table, save_figure, spread_table
 from mixpinn.records import Evaluation
@@ -66,6 +66,25 @@ def _training(folder: Path) -> dict[str, Any]:
 
 def render(data: Data) -> str:
     """The section."""
+    columns = (
+        "Run", "Epochs", "Best epoch", "Training loss [mm]", "Validation loss [mm]", "Minutes", "Learning rate",
+        "Batch",
+    )
+    trainings = [
+        (entry["name"], entry["epochs"], entry["best_epoch"], f"{entry['train_loss']:.4f}",
+         f"{entry['validation_loss']:.4f}", f"{entry['minutes']:.0f}", entry["learning_rate"], entry["batch_size"])
+        for entry in data["trainings"]
+    ]
+    return "\n".join([
+        brief(data),
+        "### Budget of each training\n", table(columns, trainings),
+        "One thread each; other work shared the cores.\n",
+        f"![Loss of each epoch](images/{PICTURE})\n", *data["tables"],
+    ])
+
+
+def brief(data: Data) -> str:
+    """The section in short: the models beside each other."""
     def cells(row: Sequence[Any]) -> list[str]:
         return ["–" if value is None else value if isinstance(value, str) else f"{value:.4f}" for value in row]
 
@@ -78,15 +97,6 @@ def render(data: Data) -> str:
     for quoted in PAPER_RESULTS:
         model, *figures = astuple(quoted)
         rows.append(cells([f"*{model}, the paper's own samples*", *figures, None, None]))
-    trainings = [
-        (entry["name"], entry["epochs"], entry["best_epoch"], f"{entry['train_loss']:.4f}",
-         f"{entry['validation_loss']:.4f}", f"{entry['minutes']:.0f}", entry["learning_rate"], entry["batch_size"])
-        for entry in data["trainings"]
-    ]
-    columns = (
-        "Run", "Epochs", "Best epoch", "Training loss [mm]", "Validation loss [mm]", "Minutes", "Learning rate",
-        "Batch",
-    )
     return "\n".join([
         "## At the paper's width, on recordings of SOFA\n",
         "Commands: `mixpinn import sofa RECORDINGS --mesh MESH --paper-constants`, `mixpinn train STORE --split "
@@ -98,12 +108,9 @@ def render(data: Data) -> str:
         table(data["columns"], rows),
         *_ratio(data),
         "The networks were given the same number of epochs, a small part of the paper's budget, and learn from about "
-        "half of its positions; the paper's rows are of other samples and count virtual nodes and edges (below, "
-        "ours *as published* do so too). The ridge regression is that of `python -m benchmarks.hybrid_study`, on the "
-        "same test samples.\n",
-        "### Budget of each training\n", table(columns, trainings),
-        "One thread each; other work shared the cores.\n",
-        f"![Loss of each epoch](images/{PICTURE})\n", *data["tables"],
+        "half of its positions; the paper's rows are of other samples and count virtual nodes and edges (in the full "
+        "tables, ours *as published* do so too). The ridge regression is that of `python -m "
+        "benchmarks.hybrid_study`, on the same test samples.\n",
     ])
 
 
@@ -119,6 +126,6 @@ def _ratio(data: Data) -> list[str]:
 
 
 FULL_SCALE = Section(
-    "full-scale", collect, render, several=True,
+    "full-scale", collect, render, brief=brief, kind=SOFA, several=True,
     help="run directory of 'mixpinn evaluate'; given again, those of the trainings that it tested",
 )

@@ -6,7 +6,7 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from benchmarks.results.section import Data, Section
+from benchmarks.results.section import OWN_SOLVER, Data, Section
 from mixpinn.base.files import atomic_path, read_json
 
 PARTS = ("bars", "variants", "network", "data", "hold-outs", "error", "sofa", "pose")
@@ -75,8 +75,8 @@ def render(data: Data) -> str:
             "Command: `python -m benchmarks.hybrid_study STORE --split split.json --out DIR`; the network by "
             "`python -m benchmarks.hybrid_network`. The paper's mesh and protocol, contact nodes *loaded*, 93 training "
             "positions, "
-            f"{data['variants'][0]['samples']:,} samples at 13 test positions against this project's converged finite "
-            "elements.\n", _errors(rows), *_network(data),
+            f"{data['variants'][0]['samples']:,} samples at 13 test positions against this project's own "
+            "solver.\n", _errors(rows), *_network(data),
         ]
     if "data" in data:
         lines += [
@@ -101,6 +101,11 @@ def render(data: Data) -> str:
     if "pose" in data:
         lines += _pose(data["pose"])
     return "\n".join(lines)
+
+
+def brief(data: Data) -> str:
+    """The section in short: the bars, and the models beside each other."""
+    return "\n".join(["## The elastic prior with a learned correction\n", *_bars(data["bars"]), short(data) + "\n"])
 
 
 def short(data: Data) -> str:
@@ -181,4 +186,7 @@ def _pose(pose: Mapping[str, Any]) -> list[str]:
     ]
 
 
-HYBRID = Section("hybrid", collect, render, help="folder of benchmarks.hybrid_study and its companions")
+HYBRID = Section(
+    "hybrid", collect, render, brief=brief, kind=OWN_SOLVER,
+    help="folder of benchmarks.hybrid_study and its companions",
+)

@@ -4,7 +4,7 @@ import shutil
 from functools import partial
 from pathlib import Path
 
-from benchmarks.results.section import Data, Section, table
+from benchmarks.results.section import OWN_SOLVER, Data, Section, table
 from mixpinn.base.files import atomic_path, read_json
 
 ROOT = Path(__file__).parents[2]
@@ -54,8 +54,17 @@ def render(data: Data, *, name: str, title: str, command: str) -> str:
     ])
 
 
+def brief(data: Data, *, name: str, title: str, command: str) -> str:
+    """The section in short: the headline, one picture, the models beside each other."""
+    return "\n".join([
+        f"## {title}\n", data["headline"] + "\n",
+        f"![Prediction over the finite-element result](images/{name}-prediction.png)\n", f"Mesh: {data['mesh']}.\n",
+        short(data, command=command) + "\n",
+    ])
+
+
 def short(data: Data, *, command: str) -> str:
-    """The README's few figures of a run."""
+    """The few figures of a run that the README shows."""
     stages, tables = data["stage_seconds"], data["tables"]
     models = tables[tables.index("| Model |"):].split("\n\n", 1)[0]
     cores = data["machine"].rpartition(", ")[2]
@@ -70,6 +79,7 @@ def section(name: str, title: str, command: str) -> Section:
     """The section of a pipeline run."""
     return Section(
         name, partial(collect, name=name), partial(render, name=name, title=title, command=command),
+        brief=partial(brief, name=name, title=title, command=command), kind=OWN_SOLVER,
         help=f"run directory of '{command}'", default=ROOT / "runs" / name,
     )
 

@@ -5,6 +5,12 @@ from pathlib import Path
 
 from benchmarks.results.section import Data, Section, table
 
+SHOWN = (
+    "seconds_per_step", "iterations_per_step", "factorizations_per_step", "inference_fused_ms", "inference_ratio",
+    "training_ratio", "memory_ratio", "threads",
+)
+"""Figures that the page of results shows of a benchmark that has them."""
+
 
 def collect(entries: list[str], images: Path) -> Data:
     """Figures from ``NAME=FILE`` entries, the file's last line being what ``python -m benchmarks.NAME`` printed."""
@@ -27,4 +33,16 @@ def render(data: Data) -> str:
     return "\n".join(lines)
 
 
-SPEED = Section("speed", collect, render, metavar="NAME=FILE", help="output of a benchmark; repeatable", several=True)
+def brief(data: Data) -> str:
+    """The section in short: one line a benchmark."""
+    rows = [
+        (f"`python -m benchmarks.{name}`", "; ".join(
+            f"{key.replace('_', ' ')} {values[key]:.4g}" for key in SHOWN if isinstance(values.get(key), int | float)
+        )) for name, values in data["benchmarks"].items()
+    ]
+    return "## Speed\n\n" + table(("Command", "Figures"), rows, numeric_from=2)
+
+
+SPEED = Section(
+    "speed", collect, render, brief=brief, metavar="NAME=FILE", help="output of a benchmark; repeatable", several=True,
+)

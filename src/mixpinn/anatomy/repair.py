@@ -35,7 +35,8 @@ def repair(segmentation: Segmentation) -> tuple[Segmentation, tuple[Finding, ...
        image is upside down, which no renaming mends).
     2. *overlap*: a voxel of two rigid parts, or of two soft tissues, goes to the one whose voxels of its own are
        nearest (millimetres between voxel centres; in a tie to the one named first); rigid wins over soft.
-    3. *island*: the largest component is kept. 4. *hole*: enclosed background is filled.
+    3. *island*: the largest component is kept.
+    4. *hole*: enclosed background is filled.
     5. *outside* and *exposed*: voxels outside the body, then those next to background by face, edge or corner, are
        taken away from the part, so that at least one voxel of soft tissue covers it.
     6. *touch*: of two rigid parts that touch, the one with more voxels gives up those adjacent to the other by face,

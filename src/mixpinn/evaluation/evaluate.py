@@ -81,7 +81,9 @@ def evaluate(
         InputError: no samples, samples of another mesh, or predictions of a wrong shape or not finite.
 
     Example:
-        >>> evaluate(ZeroModel(), table, mesh, split="test").metrics["mee"].mean()
+        >>> metrics = evaluate(ZeroModel(), table, mesh, split="test").metrics
+        >>> bool(np.allclose(metrics["mee"], metrics["mean_displacement"]))
+        True
     """
     if not len(table):
         raise InputError(f"split {split}", expected="at least one sample", got="none", fix="simulate more positions")

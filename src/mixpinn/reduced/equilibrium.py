@@ -30,8 +30,10 @@ class Equilibrium:
         mu, lam: Lamé constants of each tissue of the mesh [N/mm²], shape (T,).
 
     Example:
-        >>> Equilibrium(mesh, mu=[8.8e-3], lam=[84.7e-3]).residual(field, coordinates).shape
-        (15984,)
+        >>> field = np.zeros((mesh.n_points, 3), dtype=np.float32)
+        >>> residual = Equilibrium(mesh, mu=[8.8e-3], lam=[84.7e-3]).residual(field, ReducedCoordinates(mesh))
+        >>> bool(np.abs(residual).max() < 1e-4)  # at rest no force is left [N]
+        True
     """
 
     def __init__(self, mesh: TissueMesh, *, mu: AnyArray, lam: AnyArray) -> None:

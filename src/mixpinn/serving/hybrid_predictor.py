@@ -78,9 +78,11 @@ class HybridPredictor:
 
     Example:
         >>> predictor = HybridPredictor.load("runs/hybrid")
-        >>> nodes, moved = [512, 513], [[0.0, -3.0, 0.0], [0.0, -2.8, 0.1]]
+        >>> nodes, moved = predictor.model.prior.nodes[:2], [[0.0, -3.0, 0.0], [0.0, -2.8, 0.1]]
         >>> predictor.predict_at(nodes, moved).save("deformed.vtu")
-        >>> predictor.assess(nodes, moved).bound
+        >>> trust = predictor.assess(nodes, moved)
+        >>> bool(trust.expected < trust.bound)
+        True
     """
 
     def __init__(self, model: HybridModel, *, pose: "PoseModel | None" = None, threads: int | None = None) -> None:

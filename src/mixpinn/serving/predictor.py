@@ -31,7 +31,8 @@ class Predictor:
 
     Example:
         >>> predictor = Predictor.load("runs/model")
-        >>> predictor.predict_at([512, 513], [[0.0, -3.0, 0.0], [0.0, -2.8, 0.1]]).save("deformed.vtu")
+        >>> nodes = np.flatnonzero((predictor.mesh.part == 0) & ~predictor.mesh.fixed)[:2]
+        >>> predictor.predict_at(nodes, [[0.0, -3.0, 0.0], [0.0, -2.8, 0.1]]).save("deformed.vtu")
     """
 
     def __init__(

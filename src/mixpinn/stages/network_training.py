@@ -39,7 +39,12 @@ def train_stage(
         SolveError: the loss is not a number any more.
 
     Example:
-        >>> train_stage("runs/model", MIXPINN, TrainConfig(), mesh=mesh, table_train=train, table_validation=valid)
+        >>> from mixpinn.networks import MIXPINN
+        >>> network, settings = MIXPINN.with_width("tiny"), TrainConfig(max_epochs=1, threads=1)
+        >>> train, valid = table.at_positions([0, 1]), table.at_positions([2])
+        >>> result = train_stage("runs/new", network, settings, mesh=mesh, table_train=train, table_validation=valid)
+        >>> len(result.history)
+        1
     """
     job = TrainingJob(model_config, train_config, mesh, table_train, table_validation, Path(out))
     start_run(out, "train", job.settings, inputs=inputs, seed=train_config.seed, input_hashes=job.input_hashes)

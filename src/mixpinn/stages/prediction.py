@@ -31,7 +31,7 @@ def predict_stage(
             not finite; the store has no such sample; or `out` has another suffix.
 
     Example:
-        >>> predict_stage("runs/model", "contacts.csv", "deformed.vtu")
+        >>> prediction = predict_stage("runs/model", "contacts.csv", "deformed.vtu")
     """
     predictor = load_predictor(model, threads=threads)
     if isinstance(source, ProbeAddress):

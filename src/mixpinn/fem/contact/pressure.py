@@ -58,8 +58,9 @@ def contact_pressure(
         InputError: a simulation of another mesh, or no such step.
 
     Example:
-        >>> found = contact_pressure(mesh, simulation, step=19)
-        >>> found.pressure.max(), found.mean_pressure
+        >>> found = contact_pressure(mesh, simulation, step=2)
+        >>> bool(found.pressure.max() >= found.mean_pressure)
+        True
     """
     _check(mesh, simulation, step)
     if direction is None:

@@ -68,11 +68,14 @@ class ElasticSystem:
     An instance keeps work arrays: it serves one caller at a time.
 
     Example:
-        >>> system = ElasticSystem(mesh, [PAPER_TISSUE])
-        >>> state = system.rest_state()
+        >>> from mixpinn.fem import PAPER_TISSUE, default_solver
+        >>> system, solver = ElasticSystem(mesh, [PAPER_TISSUE]), default_solver()
+        >>> state, load = system.rest_state(), np.zeros((mesh.n_points, 3))  # [N]
         >>> residual = system.reduce(system.gradient(state) - load, state)
         >>> solver.factorize(system.tangent(state))
         >>> state = system.advance(state, -solver.solve(residual))
+        >>> bool(np.allclose(state.points, mesh.points))  # no load, no motion
+        True
     """
 
     def __init__(
