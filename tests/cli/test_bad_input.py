@@ -9,6 +9,7 @@ import pytest
 import pyvista as pv
 
 from mixpinn.records import LabelMap, TissueMesh
+from mixpinn.stages.seal import seal_folder
 from pipeline.chain import command, contents
 
 SHAPE = (12, 11, 20)
@@ -155,6 +156,9 @@ class TestMesh:
     def test_label_map_without_description(self, chain, tmp_path):
         shutil.copytree(chain.anatomy, tmp_path / "a")
         (tmp_path / "a" / "labels.json").write_text("{}")
+        refused("mesh", tmp_path / "a", "--out", tmp_path / "out", says="labels.json", out=tmp_path / "out")
+        (tmp_path / "a" / "labels.manifest.json").unlink()
+        seal_folder(tmp_path / "a")
         refused("mesh", tmp_path / "a", "--out", tmp_path / "out", says="labels.nii.gz", out=tmp_path / "out")
 
     def test_label_map_that_cannot_be_meshed(self, chain, tmp_path):
@@ -307,6 +311,12 @@ class TestTrain:
         refused("train", chain.simulation, "--out", tmp_path / "out", *words, says=says, out=tmp_path / "out")
 
 
+def reseal(folder):
+    """Write the manifest anew, as a careful vandal would."""
+    (folder / "manifest.json").unlink()
+    seal_folder(folder)
+
+
 class TestModel:
     @pytest.fixture
     def model(self, chain, tmp_path):
@@ -337,18 +347,21 @@ class TestModel:
         description = json.loads((model / "model.json").read_text())
         description["config"]["layers"] += 1
         (model / "model.json").write_text(json.dumps(description))
+        reseal(model)
         refuses(model, "weights.safetensors")
 
     def test_unknown_setting(self, model, refuses):
         description = json.loads((model / "model.json").read_text())
         description["config"]["colour"] = 1
         (model / "model.json").write_text(json.dumps(description))
+        reseal(model)
         refuses(model, "colour")
 
     def test_mesh_of_another_topology(self, model, refuses):
         mesh = pv.read(model / "mesh.vtu")
         mesh.point_data["part"][:] = 0
         mesh.save(model / "mesh.vtu")
+        reseal(model)
         refuses(model, ["a model of mesh", "choose the model"])
 
     def test_dataset_of_another_mesh(self, chain, model, refuses, tmp_path):
@@ -360,6 +373,7 @@ class TestModel:
         record = json.loads((store / "store" / "store.json").read_text())
         record["mesh_hash"] = TissueMesh.load(store / "store" / "mesh.vtu").hash()
         (store / "store" / "store.json").write_text(json.dumps(record))
+        reseal(store / "store")
         refuses(model, "mesh", store)
 
 

@@ -7,6 +7,7 @@ import pytest
 from dataset.dataset_fakes import SHORT, FakeScene, block, fake_simulation, filled_store, short_store
 from mixpinn.base.errors import InputError
 from mixpinn.dataset import PoseState, SimulationStore, build_sample_table, list_poses, probe_path
+from mixpinn.dataset.store import STORE
 
 
 @pytest.fixture
@@ -63,6 +64,9 @@ def test_store_of_another_mesh_is_refused(tmp_path, scene):
 def test_exchanged_mesh_is_found_out(tmp_path, scene):
     store = short_store(tmp_path, scene)
     block(4).save(tmp_path / "mesh.vtu")
+    with pytest.raises(InputError, match="altered after it was made"):
+        store.mesh()
+    STORE.seal(tmp_path, ["store.json", "mesh.vtu"])
     with pytest.raises(InputError, match="put the mesh"):
         store.mesh()
 
@@ -74,6 +78,9 @@ def test_absent_or_damaged_record_is_refused(tmp_path, scene):
     record = json.loads((tmp_path / "store.json").read_text())
     del record["poses"]
     (tmp_path / "store.json").write_text(json.dumps(record))
+    with pytest.raises(InputError, match="altered after it was made"):
+        SimulationStore.open(tmp_path)
+    STORE.seal(tmp_path, ["store.json", "mesh.vtu"])
     with pytest.raises(InputError, match="the record of a store"):
         SimulationStore.open(tmp_path)
 

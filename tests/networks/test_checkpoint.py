@@ -25,6 +25,7 @@ from mixpinn.networks import (
     read_description,
     save_checkpoint,
 )
+from mixpinn.networks.checkpoint import NETWORK
 from training.toy_block import TINY, block_mesh
 
 CONFIGS = {
@@ -72,6 +73,9 @@ def test_another_topology_is_refused(tmp_path: Path) -> None:
         with pytest.raises(InputError, match="expected a model of mesh"):
             load_checkpoint(tmp_path, mesh=other)
     block_mesh(1.0).save(tmp_path / "mesh.vtu")
+    with pytest.raises(InputError, match="altered after it was made"):
+        load_checkpoint(tmp_path)
+    NETWORK.seal(tmp_path, FILES)
     with pytest.raises(InputError, match="expected a model of mesh"):
         load_checkpoint(tmp_path)
 
@@ -92,6 +96,7 @@ def rewrite(change: Callable[[dict[str, Any]], object]) -> Callable[[Path], None
     return apply
 
 
+FILES = ("weights.safetensors", "model.json", "mesh.vtu")
 DAMAGE: dict[str, tuple[Callable[[Path], object], str]] = {
     "truncated weights": (
         lambda f: (f / "weights.safetensors").write_bytes((f / "weights.safetensors").read_bytes()[:-10]), "damaged",
@@ -118,6 +123,11 @@ def test_damaged_folders_are_refused_in_one_line(
 ) -> None:
     saved(tmp_path)
     damage(tmp_path)
+    if all((tmp_path / name).is_file() for name in FILES):
+        # The manifest notices every alteration; here one was written for the altered files.
+        with pytest.raises(InputError, match="altered after it was made"):
+            load_checkpoint(tmp_path)
+        NETWORK.seal(tmp_path, FILES)
     with pytest.raises(InputError, match=message) as raised:
         load_checkpoint(tmp_path)
     assert "\n" not in str(raised.value)

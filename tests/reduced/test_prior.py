@@ -7,7 +7,7 @@ from numpy.testing import assert_allclose
 from mixpinn.base.errors import InputError
 from mixpinn.evaluation import MetricGeometry, rigid_edge_error
 from mixpinn.fem import ElasticSystem, StableNeoHookean, SuperLUSolver
-from mixpinn.reduced.prior import ElasticPrior
+from mixpinn.reduced.prior import PRIOR, ElasticPrior
 from training.toy_block import block_mesh
 
 TISSUE = StableNeoHookean.from_young(25.4e-3, 0.45)
@@ -81,10 +81,13 @@ def test_files_round_trip_and_refuse_another_mesh(tmp_path, mesh, top, prior) ->
     contact[top, 1] = -1.0
     assert_allclose(ElasticPrior.load(tmp_path, mesh).predict(contact), prior.predict(contact), atol=0.0)
     (tmp_path / "compliance.npy").write_bytes((tmp_path / "compliance.npy").read_bytes()[:64])
-    with pytest.raises(InputError, match="build the prior again"):
+    with pytest.raises(InputError, match="make the prior again"):
         ElasticPrior.load(tmp_path, mesh)
     about = tmp_path / "prior.json"
     about.write_text(about.read_text().replace(mesh.hash(), "0" * 16))
+    with pytest.raises(InputError, match="altered after it was made"):
+        ElasticPrior.load(tmp_path, mesh)
+    PRIOR.seal(tmp_path, ["prior.json", "compliance.npy"])
     with pytest.raises(InputError, match="build the prior for this mesh"):
         ElasticPrior.load(tmp_path, mesh)
 

@@ -17,7 +17,7 @@ def test_phantom_run_directory(tmp_path):
     out = tmp_path / "run"
     result = make_anatomy(PHANTOM, out=out)
     assert {path.name for path in out.iterdir()} == {
-        "run.json", "labels.nii.gz", "labels.json", "findings.json", "labels.png"}
+        "run.json", "labels.nii.gz", "labels.json", "labels.manifest.json", "findings.json", "labels.png"}
     assert result.label_map.hash() == tiny_phantom().hash()
     record = json.loads((out / "run.json").read_text())
     assert record["stage"] == "anatomy"

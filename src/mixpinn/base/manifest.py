@@ -98,7 +98,8 @@ class Artefact:
         if not path.is_file():
             raise InputError(
                 str(path), expected=f"the manifest of a {self.kind}",
-                got="none (an older version wrote this, or a command that was stopped)", fix=self.remake,
+                got="none (an older version wrote this, or a command that was stopped)",
+                fix=f"if you trust these files, add it with 'mixpinn seal {folder}'; else {self.remake}",
             )
         values = read_json(path)
         entries = values.get("files") if isinstance(values, dict) else None

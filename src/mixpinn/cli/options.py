@@ -51,9 +51,9 @@ def simulations_folder(folder: Path) -> Path:
 
 def load_mesh(source: Path) -> "TissueMesh":
     """The mesh inside the run directory of `mesh`, or the file itself."""
-    from mixpinn.records import TissueMesh
+    from mixpinn.stages import mesh
 
-    return TissueMesh.load(source if source.suffix == ".vtu" else source / "mesh.vtu")
+    return mesh.load_mesh(source)
 
 
 def simulation_settings(

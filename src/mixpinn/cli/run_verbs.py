@@ -72,6 +72,20 @@ def onboard(
     console.print(f"Predictor: {onboard(settings, out=out)}")
 
 
+@app.command()
+def seal(
+    folder: Annotated[Path, typer.Argument(help="Folder that an older version wrote, and that you trust.")],
+) -> None:
+    """Add the manifest, by which altered files are noticed, to a folder that has none."""
+    from mixpinn.stages.seal import seal_folder
+
+    sealed = seal_folder(folder)
+    for where, artefact in sealed:
+        console.print(f"{where}: manifest of a {artefact.kind}")
+    if not sealed:
+        console.print(f"{folder} has its manifest")
+
+
 @export_app.command("sofa")
 def export_sofa(
     source: MeshSource,

@@ -11,6 +11,7 @@ import numpy as np
 from mixpinn.base.arrays import FloatArray
 from mixpinn.base.errors import InputError
 from mixpinn.base.files import hash_arrays, read_json, write_json
+from mixpinn.base.manifest import Artefact
 from mixpinn.dataset.protocol import Pose, Protocol
 from mixpinn.dataset.status import PoseState, PoseStatus, content_hash, folder_sizes, status_of
 from mixpinn.fem.contact.model import ContactConfig
@@ -22,6 +23,7 @@ RECORD = "store.json"
 MESH = "mesh.vtu"
 PROBE = "probe.stl"
 STATUS = "status"
+STORE = Artefact("store of simulations", 1, "put the file back from a copy, or simulate into another folder")
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,6 +33,7 @@ class SimulationStore:
         store.json              mesh hash, protocol, positions, poses, scene
         mesh.vtu                the mesh
         probe.stl               the probe, where it is known
+        manifest.json           sizes and hashes of these three
         pose_PPP_RRR/           one `Simulation`
         status/pose_PPP_RRR.json
         summary.json            totals, see `mixpinn.dataset.summarize`
@@ -88,6 +91,7 @@ class SimulationStore:
         if probe is not None:
             probe.save(folder / PROBE)
         write_json(folder / RECORD, record)
+        STORE.seal(folder, [RECORD, MESH, *([] if probe is None else [PROBE])])
         return store
 
     @staticmethod
@@ -107,6 +111,7 @@ class SimulationStore:
                 str(folder), expected=f"a store of simulations ({RECORD})", got="none",
                 fix="run 'mixpinn simulate' first",
             )
+        STORE.check(folder, RECORD)
         record = read_json(folder / RECORD)
         try:
             settings = record["protocol"]
@@ -161,8 +166,15 @@ class SimulationStore:
         return recorded_contact(self.scene, str(self.folder))
 
     def probe(self) -> Probe | None:
-        """The probe of the simulations; None where it was not recorded."""
-        return Probe.load(self.folder / PROBE) if (self.folder / PROBE).is_file() else None
+        """The probe of the simulations; None where it was not recorded.
+
+        Raises:
+            InputError: its file is absent or was altered.
+        """
+        if not STORE.lists(self.folder, PROBE):
+            return None
+        STORE.check(self.folder, PROBE)
+        return Probe.load(self.folder / PROBE)
 
     def mesh(self) -> TissueMesh:
         """The mesh of the store.
@@ -170,6 +182,7 @@ class SimulationStore:
         Raises:
             InputError: absent or altered.
         """
+        STORE.check(self.folder, MESH)
         mesh = TissueMesh.load(self.folder / MESH)
         if mesh.hash() != self.mesh_hash:
             raise InputError(

@@ -5,6 +5,7 @@ from mixpinn.networks.checkpoint import (
     WEIGHTS_FILE,
     describe_training,
     load_checkpoint,
+    load_network_mesh,
     model_name,
     read_description,
     save_checkpoint,
@@ -22,6 +23,6 @@ __all__ = [
     "ABLATION", "MIXPINN", "MODELS", "PHYSGNN", "SIMPLE_GAT", "WEIGHTS_FILE", "WIDTHS",
     "AttentionTopology", "Backend", "DisplacementModel", "GATNetwork", "GraphAttention", "ModelConfig",
     "PhysGNNNetwork", "build_graph_for", "build_model", "build_topology", "describe_training", "fused_attention",
-    "load_checkpoint", "mean_euclidean_error", "mesh_output", "model_name", "read_description", "read_tensors",
-    "rigid_edge_error", "rigid_edge_loss", "save_checkpoint", "write_tensors",
+    "load_checkpoint", "load_network_mesh", "mean_euclidean_error", "mesh_output", "model_name",
+    "read_description", "read_tensors", "rigid_edge_error", "rigid_edge_loss", "save_checkpoint", "write_tensors",
 ]

@@ -9,6 +9,7 @@ from typing import Any
 from mixpinn.base.config import build_config
 from mixpinn.base.errors import InputError
 from mixpinn.base.files import read_json, write_json
+from mixpinn.base.manifest import Artefact
 from mixpinn.base.rundir import versions
 from mixpinn.graph import MeshGraph
 from mixpinn.networks.config import MODELS, ModelConfig
@@ -18,6 +19,7 @@ from mixpinn.records import MESH_FILE, TissueMesh
 
 _versions = cache(versions)
 MODEL_FILE, WEIGHTS_FILE = "model.json", "weights.safetensors"
+NETWORK = Artefact("trained network", 1, "train the model again, or copy its folder again")
 _FORMAT = 1
 
 
@@ -50,6 +52,7 @@ def describe_training(folder: Path | str, config: ModelConfig, mesh_hash: str, t
         "format": _FORMAT, "config": asdict(config), "mesh_hash": mesh_hash, "training": dict(training),
         "versions": _versions(),
     })
+    NETWORK.seal(folder, [name for name in (WEIGHTS_FILE, MODEL_FILE, MESH_FILE) if (Path(folder) / name).is_file()])
 
 
 def read_description(folder: Path | str) -> dict[str, Any]:
@@ -59,6 +62,7 @@ def read_description(folder: Path | str) -> dict[str, Any]:
         InputError: absent, not JSON, or of another format.
     """
     path = Path(folder) / MODEL_FILE
+    NETWORK.check(folder, MODEL_FILE)
     values = read_json(path)
     if not isinstance(values, dict) or values.get("format") != _FORMAT or \
             not isinstance(values.get("config"), dict) or not isinstance(values.get("mesh_hash"), str):
@@ -88,13 +92,13 @@ def load_checkpoint(
     folder = Path(folder)
     description = read_description(folder)
     config = build_config(ModelConfig, description["config"])
-    if mesh is None:
-        mesh = TissueMesh.load(folder / MESH_FILE)
+    mesh = mesh or load_network_mesh(folder)
     if mesh.hash() != description["mesh_hash"]:
         raise InputError(
             str(folder), expected=f"a model of mesh {mesh.hash()} ({mesh.n_points} nodes)",
             got=f"one of mesh {description['mesh_hash']}", fix="train on this mesh or choose the model that was",
         )
+    NETWORK.check(folder, WEIGHTS_FILE)
     tensors, _ = read_tensors(folder / WEIGHTS_FILE)
     graph = build_graph_for(config, mesh)
     model = build_model(config, graph)
@@ -106,6 +110,16 @@ def load_checkpoint(
             got=str(error).partition("\n")[2].strip() or str(error), fix="copy or train the model again",
         ) from error
     return model.eval(), graph, config
+
+
+def load_network_mesh(folder: Path | str) -> TissueMesh:
+    """The mesh of a model folder.
+
+    Raises:
+        InputError: absent or altered.
+    """
+    NETWORK.check(folder, MESH_FILE)
+    return TissueMesh.load(Path(folder) / MESH_FILE)
 
 
 def model_name(config: ModelConfig) -> str | None:

@@ -8,7 +8,7 @@ from mixpinn.base.tensor_file import read_arrays, write_arrays
 from mixpinn.press.contact import PriorContact
 from mixpinn.press.model import PoseCorrection, PoseModel
 from mixpinn.press.records import PoseContactConfig, ProbeGeometry
-from mixpinn.reduced.hybrid import POSE_FILE, HybridModel
+from mixpinn.reduced.hybrid import BUNDLE, POSE_FILE, HybridModel
 
 _FORMAT = 1
 _CORRECTION = ("modes", "gain", "wrench_gain", "scale")
@@ -30,6 +30,8 @@ def save_pose_model(model: PoseModel, folder: Path | str) -> None:
         "format": _FORMAT, "mesh_hash": model.hybrid.mesh.hash(), "probes": len(model.probes), "steps": model.steps,
         "contact": asdict(model.contact.config), "corrected": model.correction is not None,
     })
+    seal = BUNDLE.seal_more if BUNDLE.is_sealed(folder) else BUNDLE.seal
+    seal(folder, [POSE_FILE])
 
 
 def load_pose_model(folder: Path | str, hybrid: HybridModel) -> PoseModel:
@@ -39,6 +41,7 @@ def load_pose_model(folder: Path | str, hybrid: HybridModel) -> PoseModel:
         InputError: absent, damaged, or of another mesh.
     """
     path = Path(folder) / POSE_FILE
+    BUNDLE.check(folder, POSE_FILE)
     arrays, about = read_arrays(path)
     try:
         if not isinstance(about, dict) or about["format"] != _FORMAT:

@@ -9,6 +9,7 @@ import numpy as np
 from mixpinn.base.arrays import AnyArray, FloatArray
 from mixpinn.base.errors import InputError
 from mixpinn.base.files import atomic_path, hash_arrays, read_json, write_json
+from mixpinn.base.manifest import Artefact
 
 SCANNER_TO_WORLD = np.diag([1.0, -1.0, -1.0, 1.0])
 """RAS scanner axes turned 180 degrees about x: world (x, y, z) = (right, posterior, caudal)."""
@@ -62,6 +63,7 @@ class LabelMap:
             "affine": self.affine, "world_to_scanner": self.world_to_scanner,
             "soft_names": self.soft_names, "rigid_names": self.rigid_names,
         })
+        label_map_files(path).seal(path.parent, [path.name, _sidecar(path).name])
 
     @staticmethod
     def load(path: Path | str) -> "LabelMap":
@@ -71,6 +73,8 @@ class LabelMap:
             InputError: absent or damaged.
         """
         path = Path(path)
+        # gzip's own checksum is not looked at by nibabel.
+        label_map_files(path).check(path.parent, path.name, _sidecar(path).name)
         about = read_json(_sidecar(path))
         try:
             labels = np.asarray(nib.load(path).dataobj).astype(np.uint8)
@@ -84,6 +88,12 @@ class LabelMap:
                 str(path), expected="a label map and its description", got=f"{type(error).__name__}: {error}",
                 fix="run 'mixpinn anatomy' again",
             ) from error
+
+
+def label_map_files(path: Path) -> Artefact:
+    """The manifest ``NAME.manifest.json`` of a label map."""
+    name = _sidecar(path).name.removesuffix(".json")
+    return Artefact("label map", 1, "run 'mixpinn anatomy' again", f"{name}.manifest.json")
 
 
 def _sidecar(path: Path) -> Path:

@@ -19,17 +19,24 @@ import numpy as np
 from mixpinn.base.arrays import AnyArray, Float32Array, FloatArray
 from mixpinn.base.errors import InputError
 from mixpinn.base.files import read_json, write_json
+from mixpinn.base.manifest import Artefact
 from mixpinn.base.tensor_file import read_arrays, write_arrays
-from mixpinn.records import TissueMesh
+from mixpinn.records import MESH_FILE, TissueMesh
 from mixpinn.reduced.equilibrium import Equilibrium
 from mixpinn.reduced.error_estimate import ErrorEstimate, Signs
 from mixpinn.reduced.modal_newton import ModalNewton
-from mixpinn.reduced.prior import ContactSystem, ElasticPrior, contact_nodes
+from mixpinn.reduced.prior import PRIOR, ContactSystem, ElasticPrior, contact_nodes
 from mixpinn.reduced.quadratic_features import quadratic_features
 
-HYBRID_FILE, _TENSORS, _PRIOR = "hybrid.json", "hybrid.safetensors", "prior"
+HYBRID_FILE, _TENSORS, PRIOR_FOLDER = "hybrid.json", "hybrid.safetensors", "prior"
+BUNDLE = Artefact(
+    "hybrid bundle", 1, "fit it again (mixpinn train --model hybrid, mixpinn onboard) or copy its folder again",
+)
 POSE_FILE = "pose.safetensors"
 """What a bundle that takes poses holds besides; see `mixpinn.press.files`."""
+_PRIOR_MANIFEST = f"{PRIOR_FOLDER}/{PRIOR.manifest}"
+FILES = (HYBRID_FILE, _TENSORS, _PRIOR_MANIFEST, MESH_FILE, POSE_FILE)
+"""All that a bundle's manifest lists; the files of the prior are listed by its own."""
 
 _FORMAT = 1
 
@@ -134,7 +141,7 @@ class HybridModel:
     def save(self, folder: Path | str, *, tolerance: float = 0.0) -> None:
         """Write the arrays as safetensors, the prior beside them (see `ElasticPrior.save`), and ``hybrid.json``."""
         folder = Path(folder)
-        self.prior.save(folder / _PRIOR, tolerance=tolerance)
+        self.prior.save(folder / PRIOR_FOLDER, tolerance=tolerance)
         arrays = {
             "modes": self.newton.modes, "duals": self.newton.duals, "coupling": self.newton.coupling,
             "readers": self.readers, "gain": self.gain,
@@ -145,6 +152,8 @@ class HybridModel:
             "lam": self.newton.equilibrium.lam, "name": self.name, "about": self.about,
             "error": self.error.as_dict() if self.error is not None else None,
         })
+        mesh = [MESH_FILE] if (folder / MESH_FILE).is_file() else []
+        BUNDLE.seal(folder, [HYBRID_FILE, _TENSORS, _PRIOR_MANIFEST, *mesh])
 
     @staticmethod
     def load(folder: Path | str, mesh: TissueMesh) -> "HybridModel":
@@ -154,13 +163,14 @@ class HybridModel:
             InputError: absent, damaged, or of another mesh.
         """
         folder = Path(folder)
+        BUNDLE.check(folder, HYBRID_FILE, _TENSORS, _PRIOR_MANIFEST)
         values = read_json(folder / HYBRID_FILE)
         if not isinstance(values, dict) or values.get("format") != _FORMAT:
             raise InputError(
                 str(folder / HYBRID_FILE), expected=f"a hybrid model of format {_FORMAT}", got="something else",
                 fix="fit the model again",
             )
-        prior = ElasticPrior.load(folder / _PRIOR, mesh)
+        prior = ElasticPrior.load(folder / PRIOR_FOLDER, mesh)
         arrays, _ = read_arrays(folder / _TENSORS)
         try:
             newton = ModalNewton(
@@ -173,6 +183,16 @@ class HybridModel:
             raise InputError(
                 str(folder), expected="a complete hybrid model", got=repr(found), fix="fit the model again",
             ) from found
+
+
+def load_bundle_mesh(folder: Path | str) -> TissueMesh:
+    """The mesh of a bundle.
+
+    Raises:
+        InputError: absent or altered.
+    """
+    BUNDLE.check(folder, MESH_FILE)
+    return TissueMesh.load(Path(folder) / MESH_FILE)
 
 
 def features(step: AnyArray, coordinates: AnyArray) -> Float32Array:

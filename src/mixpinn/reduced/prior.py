@@ -21,6 +21,7 @@ import scipy.linalg
 from mixpinn.base.arrays import AnyArray, Float32Array, FloatArray, IntArray
 from mixpinn.base.errors import InputError
 from mixpinn.base.files import atomic_path, read_json, write_json
+from mixpinn.base.manifest import Artefact
 from mixpinn.records import TissueMesh
 from mixpinn.reduced.coordinates import ReducedCoordinates
 from mixpinn.reduced.row_products import combine_rows
@@ -32,6 +33,9 @@ if TYPE_CHECKING:
 
 _ABOUT, _COMPLIANCE = "prior.json", "compliance.npy"
 _LEFT, _RIGHT, _OWN = "left.npy", "right.npy", "own.npy"
+FILES = (_ABOUT, _COMPLIANCE, _LEFT, _RIGHT, _OWN)
+"""All that a prior may have; compliance, or its factors."""
+PRIOR = Artefact("elastic prior", 1, "make the prior again (one in the cache is made anew by itself)")
 
 
 def contact_nodes(contact_displacement: AnyArray) -> IntArray:
@@ -217,6 +221,7 @@ class ElasticPrior:
         write_json(folder / _ABOUT, {
             "mesh_hash": self.mesh.hash(), "nodes": self.nodes, "name": self.name, "tolerance": max(tolerance, 0.0),
         })
+        PRIOR.seal(folder, [_ABOUT, *arrays])
 
     def _factors(self, tolerance: float) -> dict[str, Float32Array]:
         """C ≈ V_r (V_rᵀ C) with the r leading left singular vectors V_r, and the exact own block."""
@@ -242,6 +247,7 @@ class ElasticPrior:
             InputError: absent, damaged, or of another mesh.
         """
         folder = Path(folder)
+        PRIOR.check(folder, _ABOUT)
         about = read_json(folder / _ABOUT)
         if about["mesh_hash"] != mesh.hash():
             raise InputError(
@@ -251,11 +257,13 @@ class ElasticPrior:
         nodes = np.array(about["nodes"], dtype=np.int64)
         try:
             if about.get("tolerance", 0.0) > 0.0:
+                PRIOR.check(folder, _LEFT, _RIGHT, _OWN)
                 left, right, own = (np.load(folder / name, allow_pickle=False) for name in (_LEFT, _RIGHT, _OWN))
                 compliance = left @ right
                 first = 3 * np.searchsorted(ReducedCoordinates(mesh).free, nodes)
                 compliance[:, (first[:, None] + np.arange(3)).ravel()] = own
             else:
+                PRIOR.check(folder, _COMPLIANCE)
                 compliance = np.load(folder / _COMPLIANCE, mmap_mode="r", allow_pickle=False)
         except (OSError, ValueError) as error:
             raise InputError(

@@ -11,8 +11,8 @@ import numpy as np
 from mixpinn.base.arrays import AnyArray, Float32Array, FloatArray
 from mixpinn.base.errors import InputError
 from mixpinn.geometry.probe_pose import probe_rotation
-from mixpinn.records import MESH_FILE, Prediction, TissueMesh
-from mixpinn.reduced.hybrid import POSE_FILE, HybridModel, HybridState
+from mixpinn.records import Prediction, TissueMesh
+from mixpinn.reduced.hybrid import POSE_FILE, HybridModel, HybridState, load_bundle_mesh
 from mixpinn.reduced.prior import contact_nodes
 from mixpinn.serving.contact_input import checked_field, contact_field
 
@@ -107,7 +107,7 @@ class HybridPredictor:
             InputError: the folder is incomplete, damaged, or of another mesh.
         """
         began = time.perf_counter()
-        model = HybridModel.load(folder, mesh or TissueMesh.load(Path(folder) / MESH_FILE))
+        model = HybridModel.load(folder, mesh or load_bundle_mesh(folder))
         pose = None
         if (Path(folder) / POSE_FILE).is_file():
             # Imported here: contact needs the solver's geometry, which predicting from contact displacements does not.

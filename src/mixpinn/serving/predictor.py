@@ -10,8 +10,8 @@ import torch
 from mixpinn.base.arrays import AnyArray, Float32Array
 from mixpinn.base.errors import InputError
 from mixpinn.graph import MeshGraph
-from mixpinn.networks import DisplacementModel, ModelConfig, load_checkpoint, model_name
-from mixpinn.records import MESH_FILE, Prediction, TissueMesh
+from mixpinn.networks import DisplacementModel, ModelConfig, load_checkpoint, load_network_mesh, model_name
+from mixpinn.records import Prediction, TissueMesh
 from mixpinn.serving.contact_input import checked_field, contact_field
 
 if TYPE_CHECKING:
@@ -62,7 +62,7 @@ class Predictor:
         if threads is not None and threads < 1:
             raise InputError("threads", expected="at least 1", got=str(threads), fix="give a positive number")
         if mesh is None:
-            mesh = TissueMesh.load(Path(folder) / MESH_FILE)
+            mesh = load_network_mesh(folder)
         model, graph, config = load_checkpoint(folder, mesh=mesh)
         name = name or model_name(config) or Path(folder).resolve().name
         predictor = Predictor(model, graph, config, mesh, name=name, threads=threads)

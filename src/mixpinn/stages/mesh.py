@@ -8,6 +8,7 @@ from typing import Literal, TypeVar
 from mixpinn.base.config import build_config
 from mixpinn.base.errors import InputError
 from mixpinn.base.files import read_json, write_json, write_text
+from mixpinn.base.manifest import Artefact
 from mixpinn.base.progress import console, progress_bar
 from mixpinn.base.rundir import finish_run, is_finished, leave_run, start_run
 from mixpinn.mesh.cgal_mesher import CgalMesher
@@ -24,9 +25,11 @@ from mixpinn.mesh.statistics import MeshStatistics, mesh_statistics
 from mixpinn.mesh.surface import DomainSurfaces
 from mixpinn.mesh.tetwild_mesher import TetwildMesher
 from mixpinn.records.label_map import LabelMap
-from mixpinn.records.tissue_mesh import TissueMesh
+from mixpinn.records.tissue_mesh import MESH_FILE, TissueMesh
 
 T = TypeVar("T")
+MESH_RUN = Artefact("mesh", 1, "run 'mixpinn mesh' into another folder")
+MESH_RUN_FILES = (MESH_FILE, "statistics.json", "quality.json", "fidelity.json", "statistics.md")
 
 
 @dataclass(frozen=True)
@@ -69,6 +72,7 @@ class MeshResult:
             InputError: absent or damaged.
         """
         folder = Path(folder)
+        MESH_RUN.check(folder)
         fidelity = folder / "fidelity.json"
         return MeshResult(
             TissueMesh.load(folder / "mesh.vtu"),
@@ -76,6 +80,19 @@ class MeshResult:
             build_config(MeshQuality, read_json(folder / "quality.json")),
             build_config(MeshFidelity, read_json(fidelity)) if fidelity.exists() else None,
         )
+
+
+def load_mesh(source: Path | str) -> TissueMesh:
+    """The mesh of a run directory of `make_mesh`, or of a ``.vtu`` that `TissueMesh.save` wrote.
+
+    Raises:
+        InputError: absent, damaged or altered.
+    """
+    source = Path(source)
+    if source.suffix == ".vtu":
+        return TissueMesh.load(source)
+    MESH_RUN.check(source, MESH_FILE)
+    return TissueMesh.load(source / MESH_FILE)
 
 
 def make_mesher(name: Literal["auto", "cgal", "tetwild"]) -> Mesher:
@@ -122,6 +139,7 @@ def make_mesh(
         write_json(out / "fidelity.json", result.fidelity)
         report += "\n" + result.fidelity.markdown()
     write_text(out / "statistics.md", report)
+    MESH_RUN.seal(out, [name for name in MESH_RUN_FILES if (out / name).is_file()])
     if config.picture:
         try:
             draw_mesh(result.mesh, out / "mesh.png")

@@ -9,6 +9,7 @@ from mixpinn.base.arrays import AnyArray
 from mixpinn.base.cache import cache_folder
 from mixpinn.base.errors import InputError
 from mixpinn.base.files import hash_arrays
+from mixpinn.base.lock import locked
 from mixpinn.fem import Material
 from mixpinn.fem.scene_record import plain
 from mixpinn.records import TissueMesh
@@ -32,9 +33,9 @@ def cached_prior(
         return ElasticPrior.build(mesh, materials, nodes=nodes)
     key = hash_arrays(nodes, np.frombuffer(repr((mesh.hash(), plain(list(materials)))).encode(), dtype=np.uint8))
     folder = cache_folder("prior", key)
-    if (folder / "prior.json").exists():
-        with contextlib.suppress(InputError):  # what is damaged in the cache is made anew
+    with locked(folder, wait=True):  # two processes that need the same prior compute it once
+        with contextlib.suppress(InputError):  # what is absent or damaged in the cache is made anew
             return ElasticPrior.load(folder, mesh)
-    prior = ElasticPrior.build(mesh, materials, nodes=nodes)
-    prior.save(folder)
-    return prior
+        prior = ElasticPrior.build(mesh, materials, nodes=nodes)
+        prior.save(folder)
+        return prior

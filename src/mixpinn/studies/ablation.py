@@ -18,7 +18,7 @@ from mixpinn.dataset import SimulationStore, Split
 from mixpinn.evaluation import ZeroModel
 from mixpinn.records import SampleTable, TissueMesh
 from mixpinn.stages.anatomy import make_anatomy
-from mixpinn.stages.mesh import make_mesh
+from mixpinn.stages.mesh import load_mesh, make_mesh
 from mixpinn.stages.prior import cached_prior
 from mixpinn.stages.simulation import STORE, make_simulations, settings_of
 from mixpinn.stages.training import load_samples
@@ -122,7 +122,7 @@ def _simulations(
         if (candidate / "store.json").is_file():
             return SimulationStore.open(candidate)
     if path.suffix == ".vtu" or (path / "mesh.vtu").is_file():
-        mesh = TissueMesh.load(path if path.suffix == ".vtu" else path / "mesh.vtu")
+        mesh = load_mesh(path)
     else:
         anatomy = replace(config.anatomy, source="phantom", path=None)
         if str(source) != "phantom":
