@@ -21,11 +21,11 @@ if __name__ == "__main__":
         os.environ[name] = str(OPTIONS.threads)
 
 import numpy as np  # noqa: E402
-from scipy.spatial.transform import Rotation  # noqa: E402
 
 from benchmarks.history import report  # noqa: E402
 from mixpinn.fem import PAPER_TISSUE, PoseSimulator, Scene, SolverConfig  # noqa: E402
 from mixpinn.geometry.probe_shapes import linear_probe  # noqa: E402
+from mixpinn.geometry.rotations import rotation_about_y
 from mixpinn.mesh import load_paper_mesh  # noqa: E402
 from mixpinn.records import Probe, ProbePath, Simulation, TissueMesh  # noqa: E402
 
@@ -70,7 +70,7 @@ def block_set_up() -> tuple[TissueMesh, Probe, np.ndarray]:
 
 def press(simulator: PoseSimulator, position: np.ndarray, rotation_deg: float, steps: int = 28) -> Simulation:
     """From 8 mm above `position` down in steps of 1 mm."""
-    rotation = Rotation.from_euler("y", rotation_deg, degrees=True).as_matrix()
+    rotation = rotation_about_y(rotation_deg)
     depth = np.arange(steps) - 8.0
     translations = position - depth[:, None] * [0.0, 1.0, 0.0]
     return simulator.run(ProbePath(translations, np.tile(rotation, (steps, 1, 1)), depth))

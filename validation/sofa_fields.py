@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from mixpinn.base.arrays import FloatArray, IntArray
 from mixpinn.fem import PAPER_TISSUE, ContactConfig, Scene, SkinSurface, SolverConfig
+from mixpinn.geometry.rotations import rotation_about_y
 from mixpinn.mesh import load_paper_mesh
 from mixpinn.records import Probe, ProbePath, TissueMesh
 
@@ -97,7 +97,7 @@ class StaticField:
 
 def straight_path(tips: FloatArray, rotation_deg: float) -> ProbePath:
     """A path of given tips [mm] at a constant rotation about y [degrees]."""
-    turn = Rotation.from_euler("y", rotation_deg, degrees=True).as_matrix()
+    turn = rotation_about_y(rotation_deg)
     return ProbePath(tips, np.tile(turn, (len(tips), 1, 1)), np.arange(len(tips)) - float(APPROACH))
 
 

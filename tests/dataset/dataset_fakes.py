@@ -1,6 +1,5 @@
 """A small block and runners that answer at once, importable by name from worker processes."""
 
-import itertools
 import os
 import signal
 import time
@@ -10,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from kuhn_block import grid_points, kuhn_cells
 from mixpinn.base.errors import SolveError
 from mixpinn.dataset import Pose, Protocol, SimulationStore, list_poses
 from mixpinn.fem import scene_record
@@ -19,22 +19,14 @@ from mixpinn.records import Probe, ProbePath, Simulation, TissueMesh
 def block(n: int = 4, *, size: float = 10.0, rigid: bool = True) -> TissueMesh:
     """n × n × n nodes, `size` mm apart, top at y = 0, six tetrahedra a cube; one inner column of nodes is rigid."""
     index = np.arange(n**3).reshape(n, n, n)
-    points = size * np.stack(np.meshgrid(*[np.arange(n)] * 3, indexing="ij"), axis=-1).reshape(-1, 3).astype(float)
+    points = grid_points(*[size * np.arange(n)] * 3)
     points -= [size * (n - 1) / 2.0, size * (n - 1), size * (n - 1) / 2.0]
-    cells = []
-    for corner in itertools.product(range(n - 1), repeat=3):
-        for order in itertools.permutations(range(3)):
-            nodes = [np.array(corner)]
-            for axis in order:
-                nodes.append(nodes[-1] + np.eye(3, dtype=int)[axis])
-            cell = [int(index[tuple(node)]) for node in nodes]
-            a, b, c, d = points[cell]
-            cells.append(cell if np.linalg.det([b - a, c - a, d - a]) > 0 else [cell[1], cell[0], *cell[2:]])
+    cells = kuhn_cells((n - 1, n - 1, n - 1))
     part = np.zeros(n**3, dtype=np.int16)
     if rigid:
         part[index[1: n - 1, 1: n - 1, 1: n - 1].ravel()] = 1
     return TissueMesh(
-        points, np.array(cells, dtype=np.int32), part, points[:, 1] == points[:, 1].min(), ("L1",) if rigid else (),
+        points, cells, part, points[:, 1] == points[:, 1].min(), ("L1",) if rigid else (),
         np.zeros(len(cells), dtype=np.int16),
     )
 

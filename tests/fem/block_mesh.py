@@ -1,9 +1,8 @@
 """Blocks of tetrahedra for the tests of the finite elements."""
 
-import itertools
-
 import numpy as np
 
+from kuhn_block import grid_points, kuhn_cells
 from mixpinn.base.arrays import FloatArray
 from mixpinn.records import TissueMesh
 
@@ -11,24 +10,11 @@ from mixpinn.records import TissueMesh
 def block(counts: tuple[int, int, int], *, size: tuple[float, float, float] = (1.0, 1.0, 1.0), shake: float = 0.0,
           seed: int = 0) -> TissueMesh:
     """A box of `counts` cubes, six tetrahedra each (Kuhn), interior nodes displaced by up to `shake` of a cube."""
-    axes = [np.linspace(0.0, length, count + 1) for length, count in zip(size, counts, strict=True)]
-    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
-    shape = np.array(counts) + 1
-    corner = np.stack(np.meshgrid(*[np.arange(c) for c in counts], indexing="ij"), axis=-1).reshape(-1, 3)
-    cells = []
-    for order in itertools.permutations(range(3)):
-        steps = np.zeros((4, 3), dtype=int)
-        for i, axis in enumerate(order):
-            steps[i + 1] = steps[i]
-            steps[i + 1, axis] += 1
-        nodes = [np.ravel_multi_index((corner + step).T, shape) for step in steps]
-        if np.linalg.det(steps[1:] - steps[0]) < 0:
-            nodes[2], nodes[3] = nodes[3], nodes[2]
-        cells.append(np.stack(nodes, axis=1))
+    points = grid_points(*[np.linspace(0.0, length, count + 1) for length, count in zip(size, counts, strict=True)])
     inside = ((points > 1e-9) & (points < np.array(size) - 1e-9)).all(axis=1)
     spacing = np.array(size) / np.array(counts)
     points[inside] += shake * spacing * np.random.default_rng(seed).uniform(-1.0, 1.0, (int(inside.sum()), 3))
-    return labelled(points, np.concatenate(cells))
+    return labelled(points, kuhn_cells(counts))
 
 
 def labelled(points: FloatArray, cells: np.ndarray, *, part: np.ndarray | None = None, fixed: np.ndarray | None = None,

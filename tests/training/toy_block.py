@@ -1,9 +1,8 @@
 """A toy problem: a structured block of tetrahedra with two rigid parts, and smooth fields pressed into its top."""
 
-import itertools
-
 import numpy as np
 
+from kuhn_block import grid_points, kuhn_cells
 from mixpinn.networks import ModelConfig
 from mixpinn.records import SampleTable, TissueMesh
 
@@ -14,23 +13,14 @@ def block_mesh(shift: float = 0.0) -> TissueMesh:
     """5 × 5 × 5 nodes 10 mm apart, six tetrahedra a cube; two columns of four nodes are rigid, y = 0 is fixed."""
     n = 5
     index = np.arange(n**3).reshape(n, n, n)
-    grid = np.stack(np.meshgrid(*[np.arange(n)] * 3, indexing="ij"), axis=-1)
-    points = 10.0 * grid.reshape(-1, 3) + [shift, 0.0, 0.0]
-    cells = []
-    for corner in itertools.product(range(n - 1), repeat=3):
-        for order in itertools.permutations(range(3)):
-            # Kuhn's subdivision: walk from one corner of the cube to the opposite one, one axis at a time.
-            path = [np.array(corner)]
-            for axis in order:
-                path.append(path[-1] + np.eye(3, dtype=int)[axis])
-            cell = [int(index[tuple(node)]) for node in path]
-            a, b, c, d = points[cell]
-            cells.append(cell if np.linalg.det([b - a, c - a, d - a]) > 0 else [cell[1], cell[0], *cell[2:]])
+    ticks = 10.0 * np.arange(n)
+    points = grid_points(ticks + shift, ticks, ticks)
+    cells = kuhn_cells((n - 1, n - 1, n - 1))
     part = np.zeros(n**3, dtype=np.int16)
     part[index[1:3, 2, 1:3].ravel()] = 1
     part[index[1:3, 2, 3:5].ravel()] = 2
     return TissueMesh(
-        points, np.array(cells, dtype=np.int32), part, points[:, 1] == 0.0, ("L1", "L2"),
+        points, cells, part, points[:, 1] == 0.0, ("L1", "L2"),
         np.zeros(len(cells), dtype=np.int16),
     )
 
