@@ -25,7 +25,7 @@ import numpy as np  # noqa: E402
 from benchmarks.history import report  # noqa: E402
 from mixpinn.fem import PAPER_TISSUE, PoseSimulator, Scene, SolverConfig  # noqa: E402
 from mixpinn.geometry.probe_shapes import linear_probe  # noqa: E402
-from mixpinn.geometry.rotations import rotation_about_y
+from mixpinn.geometry.rotations import rotation_about_y  # noqa: E402
 from mixpinn.mesh import load_paper_mesh  # noqa: E402
 from mixpinn.records import Probe, ProbePath, Simulation, TissueMesh  # noqa: E402
 

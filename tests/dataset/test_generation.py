@@ -15,7 +15,7 @@ from mixpinn.dataset import GenerationSummary, Pose, PoseState, SimulationStore,
 from mixpinn.dataset.local_pool import THREAD_VARIABLES, pinned_threads
 from mixpinn.fem import scene_record
 
-PATHS = os.pathsep.join([str(Path(__file__).parent), os.environ.get("PYTHONPATH", "")])
+PATHS = os.pathsep.join([*map(str, Path(__file__).parents[:2]), os.environ.get("PYTHONPATH", "")])
 
 
 def states(store):
