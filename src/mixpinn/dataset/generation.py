@@ -107,7 +107,7 @@ def _wall_seconds(store: SimulationStore) -> float:
     path = store.folder / SUMMARY
     try:
         return GenerationSummary.load(path).wall_seconds if path.exists() else 0.0
-    except (InputError, KeyError, TypeError):
+    except InputError:
         return 0.0
 
 

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from mixpinn.base.errors import InputError
-from mixpinn.base.files import hash_arrays, read_json, write_json
+from mixpinn.base.files import hash_arrays, write_json
+from mixpinn.base.validated import load_record
 from mixpinn.records import Simulation
 
 
@@ -70,16 +70,7 @@ class PoseStatus:
         Raises:
             InputError: absent or damaged.
         """
-        values = read_json(path)
-        try:
-            values["state"] = PoseState(values["state"])
-            values["failed_steps"] = tuple(values["failed_steps"])
-            return PoseStatus(**values)
-        except (KeyError, TypeError, ValueError) as error:
-            raise InputError(
-                str(path), expected="the status of a pose", got=repr(error),
-                fix="delete it and simulate the pose again",
-            ) from error
+        return load_record(PoseStatus, path, remake="delete it and simulate the pose again")
 
 
 def content_hash(simulation: Simulation) -> str:

@@ -4,7 +4,7 @@ import shutil
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from mixpinn.base.arrays import FloatArray
 from mixpinn.base.errors import InputError
 from mixpinn.base.files import hash_arrays, read_json, write_json
 from mixpinn.base.manifest import Artefact
+from mixpinn.base.validated import load_record
 from mixpinn.dataset.protocol import Pose, Protocol
 from mixpinn.dataset.status import PoseState, PoseStatus, content_hash, folder_sizes, status_of
 from mixpinn.fem.contact.model import ContactConfig
@@ -24,6 +25,18 @@ MESH = "mesh.vtu"
 PROBE = "probe.stl"
 STATUS = "status"
 STORE = Artefact("store of simulations", 1, "put the file back from a copy, or simulate into another folder")
+
+
+@dataclass(frozen=True)
+class _Record:
+    """What ``store.json`` holds."""
+
+    format: Literal["mixpinn simulations 1"]
+    mesh_hash: str
+    protocol: Protocol
+    positions: tuple[tuple[float, float, float], ...]
+    poses: tuple[Pose, ...]
+    scene: dict[str, Any]
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,25 +125,9 @@ class SimulationStore:
                 fix="run 'mixpinn simulate' first",
             )
         STORE.check(folder, RECORD)
-        record = read_json(folder / RECORD)
-        try:
-            settings = record["protocol"]
-            protocol = Protocol(**{
-                **settings, "rotations": tuple(settings["rotations"]), "direction": tuple(settings["direction"]),
-            })
-            poses = tuple(
-                Pose(int(pose["position_index"]), tuple(pose["position"]), float(pose["rotation_deg"]))
-                for pose in record["poses"]
-            )
-            store = SimulationStore(
-                folder, str(record["mesh_hash"]), protocol,
-                np.array(record["positions"], dtype=np.float64).reshape(-1, 3), poses, record["scene"],
-            )
-        except (KeyError, TypeError, ValueError) as error:
-            raise InputError(
-                str(folder / RECORD), expected="the record of a store", got=repr(error),
-                fix="simulate into a new folder",
-            ) from error
+        record = load_record(_Record, folder / RECORD, remake=STORE.remake)
+        positions = np.array(record.positions, dtype=np.float64).reshape(-1, 3)
+        store = SimulationStore(folder, record.mesh_hash, record.protocol, positions, record.poses, record.scene)
         if mesh is not None and mesh.hash() != store.mesh_hash:
             raise InputError(
                 str(folder), expected=f"simulations of the mesh {mesh.hash()}", got=f"those of {store.mesh_hash}",

@@ -5,7 +5,8 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from mixpinn.base.files import read_json, write_json
+from mixpinn.base.files import write_json
+from mixpinn.base.validated import load_record
 from mixpinn.dataset.inverted_cells import InvertedCell, list_inverted
 from mixpinn.dataset.status import PoseState
 from mixpinn.dataset.store import SimulationStore
@@ -64,12 +65,7 @@ class GenerationSummary:
         Raises:
             InputError: absent or damaged.
         """
-        values = read_json(path)
-        for key in ("min_jacobian", "worst_residual", "peak_penetration", "peak_energy"):
-            values[key] = tuple(values[key]) if values[key] is not None else None
-        if values.get("inverted") is not None:
-            values["inverted"] = tuple(InvertedCell.of_json(cell) for cell in values["inverted"])
-        return GenerationSummary(**values)
+        return load_record(GenerationSummary, path, remake="delete it: the next 'mixpinn simulate' writes it again")
 
     def totals(self) -> dict[str, Any]:
         """Plain values without the list of inverted cells, which may be long."""

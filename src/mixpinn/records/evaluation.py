@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from mixpinn.base.arrays import FloatArray
-from mixpinn.base.files import read_json, write_json
+from mixpinn.base.files import write_json
+from mixpinn.base.validated import ArraySpec, load_record
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,9 +39,37 @@ class Evaluation:
 
     @staticmethod
     def load(path: Path | str) -> "Evaluation":
-        """Read what `save` wrote."""
-        values = read_json(path)
+        """Read what `save` wrote.
+
+        Raises:
+            InputError: absent, damaged, or values of different numbers of samples.
+        """
+        values = load_record(_Plain, path, remake=_REMAKE, finite=False)
+        extents: dict[str, int] = {}
+        groups: dict[str, dict[str, FloatArray]] = {}
         for name in ("metrics", "about", "by_part"):
-            values[name] = {key: np.array(item, dtype=np.float64) for key, item in values[name].items()}
-        values["seconds"] = np.array(values["seconds"], dtype=np.float64)
-        return Evaluation(**values)
+            arrays = {key: np.array(item, dtype=np.float64) for key, item in getattr(values, name).items()}
+            for key, array in arrays.items():
+                where = f"{path}: {name}.{key}"
+                ArraySpec("number", ("samples",), finite=False).check(array, where, extents=extents, remake=_REMAKE)
+            groups[name] = arrays
+        seconds = np.array(values.seconds, dtype=np.float64)
+        return Evaluation(
+            values.model, values.split, groups["metrics"], groups["about"], groups["by_part"], seconds, values.notes,
+        )
+
+
+@dataclass(frozen=True)
+class _Plain:
+    """What an evaluation is in JSON."""
+
+    model: str
+    split: str
+    metrics: dict[str, list[float]]
+    about: dict[str, list[float]]
+    by_part: dict[str, list[float]]
+    seconds: list[float]
+    notes: dict[str, Any] = field(default_factory=dict)
+
+
+_REMAKE = "delete it and evaluate again"

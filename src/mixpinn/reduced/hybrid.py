@@ -12,15 +12,16 @@ regression on simulations. The twists in q move the rigid parts by finite rotati
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from mixpinn.base.arrays import AnyArray, Float32Array, FloatArray
 from mixpinn.base.errors import InputError
-from mixpinn.base.files import read_json, write_json
+from mixpinn.base.files import write_json
 from mixpinn.base.manifest import Artefact
 from mixpinn.base.tensor_file import read_arrays, write_arrays
+from mixpinn.base.validated import load_record
 from mixpinn.records import MESH_FILE, TissueMesh
 from mixpinn.reduced.equilibrium import Equilibrium
 from mixpinn.reduced.error_estimate import ErrorEstimate, Signs
@@ -39,6 +40,19 @@ FILES = (HYBRID_FILE, _TENSORS, _PRIOR_MANIFEST, MESH_FILE, POSE_FILE)
 """All that a bundle's manifest lists; the files of the prior are listed by its own."""
 
 _FORMAT = 1
+
+
+@dataclass(frozen=True)
+class _About:
+    """What ``hybrid.json`` holds."""
+
+    format: Literal[1]
+    mesh_hash: str
+    mu: tuple[float, ...]
+    lam: tuple[float, ...]
+    name: str
+    about: dict[str, Any]
+    error: dict[str, Any] | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,21 +178,14 @@ class HybridModel:
         """
         folder = Path(folder)
         BUNDLE.check(folder, HYBRID_FILE, _TENSORS, _PRIOR_MANIFEST)
-        values = read_json(folder / HYBRID_FILE)
-        if not isinstance(values, dict) or values.get("format") != _FORMAT:
-            raise InputError(
-                str(folder / HYBRID_FILE), expected=f"a hybrid model of format {_FORMAT}", got="something else",
-                fix="fit the model again",
-            )
+        values = load_record(_About, folder / HYBRID_FILE, remake=BUNDLE.remake)
         prior = ElasticPrior.load(folder / PRIOR_FOLDER, mesh)
         arrays, _ = read_arrays(folder / _TENSORS)
         try:
-            newton = ModalNewton(
-                prior, Equilibrium(mesh, mu=values["mu"], lam=values["lam"]), arrays["modes"], arrays["duals"],
-                arrays["coupling"],
-            )
-            error = None if values["error"] is None else ErrorEstimate.of_dict(values["error"])
-            return HybridModel(newton, arrays["readers"], arrays["gain"], error, values["about"], values["name"])
+            equilibrium = Equilibrium(mesh, mu=np.array(values.mu), lam=np.array(values.lam))
+            newton = ModalNewton(prior, equilibrium, arrays["modes"], arrays["duals"], arrays["coupling"])
+            error = None if values.error is None else ErrorEstimate.of_dict(values.error)
+            return HybridModel(newton, arrays["readers"], arrays["gain"], error, values.about, values.name)
         except (KeyError, TypeError) as found:
             raise InputError(
                 str(folder), expected="a complete hybrid model", got=repr(found), fix="fit the model again",

@@ -20,8 +20,9 @@ import scipy.linalg
 
 from mixpinn.base.arrays import AnyArray, Float32Array, FloatArray, IntArray
 from mixpinn.base.errors import InputError
-from mixpinn.base.files import atomic_path, read_json, write_json
+from mixpinn.base.files import atomic_path, write_json
 from mixpinn.base.manifest import Artefact
+from mixpinn.base.validated import ArraySpec, load_arrays, load_record
 from mixpinn.records import TissueMesh
 from mixpinn.reduced.coordinates import ReducedCoordinates
 from mixpinn.reduced.row_products import combine_rows
@@ -97,6 +98,22 @@ def probed_nodes(mesh: TissueMesh, *, margin: float = 60.0) -> IntArray:
     over = ((points >= low) & (points <= high))[:, [0, 2]].all(axis=1)
     chosen: IntArray = nodes[over & (points[:, 1] > rigid[:, 1].mean())]
     return chosen
+
+
+_FACTORS = {
+    "left": ArraySpec("number", ("rows", "rank")), "right": ArraySpec("number", ("rank", "unknowns")),
+    "own": ArraySpec("number", ("rows", "rows")),
+}
+
+
+@dataclass(frozen=True)
+class _About:
+    """What ``prior.json`` holds."""
+
+    mesh_hash: str
+    nodes: tuple[int, ...]
+    name: str
+    tolerance: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -248,25 +265,30 @@ class ElasticPrior:
         """
         folder = Path(folder)
         PRIOR.check(folder, _ABOUT)
-        about = read_json(folder / _ABOUT)
-        if about["mesh_hash"] != mesh.hash():
+        about = load_record(_About, folder / _ABOUT, remake=PRIOR.remake)
+        if about.mesh_hash != mesh.hash():
             raise InputError(
-                str(folder), expected=f"a prior of mesh {mesh.hash()}", got=f"one of mesh {about['mesh_hash']}",
+                str(folder), expected=f"a prior of mesh {mesh.hash()}", got=f"one of mesh {about.mesh_hash}",
                 fix="build the prior for this mesh",
             )
-        nodes = np.array(about["nodes"], dtype=np.int64)
-        try:
-            if about.get("tolerance", 0.0) > 0.0:
-                PRIOR.check(folder, _LEFT, _RIGHT, _OWN)
-                left, right, own = (np.load(folder / name, allow_pickle=False) for name in (_LEFT, _RIGHT, _OWN))
-                compliance = left @ right
-                first = 3 * np.searchsorted(ReducedCoordinates(mesh).free, nodes)
-                compliance[:, (first[:, None] + np.arange(3)).ravel()] = own
-            else:
-                PRIOR.check(folder, _COMPLIANCE)
-                compliance = np.load(folder / _COMPLIANCE, mmap_mode="r", allow_pickle=False)
-        except (OSError, ValueError) as error:
+        nodes, free = np.array(about.nodes, dtype=np.int64), ReducedCoordinates(mesh).free
+        extents = {"c": len(nodes), "rows": 3 * len(nodes), "unknowns": ReducedCoordinates(mesh).size}
+        checked = ArraySpec("index", ("c",), low=0, high=mesh.n_points - 1)
+        checked.check(nodes, f"{folder / _ABOUT}: nodes", extents=extents, remake=PRIOR.remake)
+        if not np.isin(nodes, free).all():
             raise InputError(
-                str(folder / _COMPLIANCE), expected="a compliance matrix", got=str(error), fix="build the prior again",
-            ) from error
-        return ElasticPrior(mesh, nodes, compliance, about["name"])
+                f"{folder / _ABOUT}: nodes", expected="free soft nodes", got="fixed or rigid ones", fix=PRIOR.remake,
+            )
+        if about.tolerance > 0.0:
+            PRIOR.check(folder, _LEFT, _RIGHT, _OWN)
+            arrays = load_arrays(folder, _FACTORS, remake=PRIOR.remake, extents=extents)
+            compliance = arrays["left"] @ arrays["right"]
+            first = 3 * np.searchsorted(free, nodes)
+            compliance[:, (first[:, None] + np.arange(3)).ravel()] = arrays["own"]
+        else:
+            PRIOR.check(folder, _COMPLIANCE)
+            whole = {"compliance": ArraySpec("number", ("rows", "unknowns"))}
+            compliance = load_arrays(
+                folder, whole, remake=PRIOR.remake, extents=extents, mapped=("compliance",),
+            )["compliance"]
+        return ElasticPrior(mesh, nodes, compliance, about.name)
