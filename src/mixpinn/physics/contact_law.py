@@ -18,7 +18,7 @@ derivative with the direction u = e/|e| in slip and u = 0 in stick is
 
     ∂T/∂e = f (1 − n nᵀ − u uᵀ),    ∂T/∂N = μ u,    f = k_t in stick, μ N / |e| in slip.
 
-Numba caches each file on its own: after a change here touch the kernels that call it, `mixpinn.fem.contact.pair_kernel`
+Numba caches each file on its own: after a change here touch the kernels that call it, those of `mixpinn.fem.contact`
 and those of `mixpinn.press`.
 """
 

@@ -168,4 +168,5 @@ def checked_output(path: Path | str) -> Path:
 
 def discretisation_of(mesh: TissueMesh) -> str:
     """Elements and size of a mesh in words."""
-    return f"linear tetrahedra, {mesh.n_points} nodes, mesh {mesh.hash()}"
+    kind = "linear" if mesh.order == 1 else "quadratic"
+    return f"{kind} tetrahedra, {mesh.n_nodes} nodes, mesh {mesh.hash()}"

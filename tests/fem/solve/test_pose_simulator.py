@@ -20,7 +20,7 @@ from mixpinn.fem import (
     SuperLUSolver,
     simulate_pose,
 )
-from mixpinn.geometry.probe_shapes import spherical_probe
+from mixpinn.geometry.probe_shapes import linear_probe, spherical_probe
 from mixpinn.records import Probe, ProbePath, Simulation, TissueMesh
 
 
@@ -228,3 +228,25 @@ def test_the_scenes_identity_is_that_of_what_decides_the_result() -> None:
     assert scene.hash() != dataclasses.replace(scene, contact=ContactConfig(friction=0.5)).hash()
     with pytest.raises(InputError, match="one material"):
         Scene(SOFT, SPHERE, materials=(PAPER_TISSUE, StableNeoHookean(mu=1.0, lam=1.0)))
+
+
+def test_quadratic_cells_answer_softer_than_linear_ones_and_record_their_nodes():
+    """A probe on a coarse, nearly incompressible block: linear cells lock, and one row a node is recorded."""
+    mesh = block((4, 2, 4), size=(80.0, 40.0, 80.0))
+    mesh = labelled(mesh.points, mesh.cells, fixed=mesh.points[:, 1] < 1e-9)
+    rotation, depths = np.eye(3), np.array([0.0, 1.0, 2.0])
+    tips = np.array([40.0, 42.0, 40.0]) - depths[:, None] * [0.0, 1.0, 0.0]
+    path = ProbePath(tips, np.tile(rotation, (3, 1, 1)), depths)
+    material, simulations = StableNeoHookean.from_young(25.4e-3, 0.49), []
+    for order in (1, 2):
+        scene = Scene(mesh.with_order(order), linear_probe(), (material,), ContactConfig())
+        simulations.append(PoseSimulator(scene).run(path))
+        assert simulations[-1].converged.all()
+        assert simulations[-1].mesh_hash == scene.mesh.hash()
+    linear, quadratic = simulations
+    assert quadratic.displacement.shape[1] == mesh.with_order(2).n_nodes
+    assert 0.0 < quadratic.probe_wrench[-1, 1] < linear.probe_wrench[-1, 1]
+    nodes, forces = quadratic.contacts(2)
+    assert (nodes < mesh.n_points).any()
+    assert (nodes >= mesh.n_points).any()
+    np.testing.assert_allclose(-forces.sum(axis=0), quadratic.probe_wrench[-1, :3], atol=1e-6)

@@ -25,6 +25,7 @@ included in the stiffness.
 """
 
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -34,6 +35,9 @@ from mixpinn.geometry.probe_pose import ProbePose
 from mixpinn.geometry.probe_surface import ProbeSurface
 from mixpinn.geometry.proximity import Proximity, proximity
 from mixpinn.geometry.triangle_search import points_inside, triangles_within
+
+if TYPE_CHECKING:
+    from mixpinn.fem.contact.problem import ContactProblem
 
 
 @dataclass(frozen=True)
@@ -107,12 +111,16 @@ class ContactModel:
             poses: of the probe.
             margin: distance that counts as near [mm].
         """
+        near = self._reachable_triangles(vertices, poses, margin)
+        return SkinPatch.of_vertices(self.skin, np.unique(self.skin.surface.triangles[near]))
+
+    def _reachable_triangles(self, vertices: FloatArray, poses: list[ProbePose], margin: float) -> BoolArray:
         near = np.zeros(len(self.skin.surface.triangles), dtype=bool)
         for pose in poses:
             open_ones = np.flatnonzero(~near)
             triangles = self.skin.surface.triangles[open_ones]
             near[open_ones] = triangles_within(pose.place(self.probe.samples), vertices, triangles, margin)
-        return SkinPatch.of_vertices(self.skin, np.unique(self.skin.surface.triangles[near]))
+        return near
 
     def near_vertices(self, vertices: FloatArray, pose: ProbePose, cutoff: float) -> IntArray:
         """Skin vertices at the nearest places of contact points within `cutoff` [mm], ascending."""
@@ -165,6 +173,12 @@ class ContactModel:
         frame.normal[key] = (apart / np.maximum(distance, 1e-12)[:, None])[order]
         frame.start[key] = apart[order]
         return frame
+
+    def problem(self, patch: SkinPatch, pose: ProbePose, frame: FrictionFrame) -> "ContactProblem":
+        """Contact with a patch of the skin for one pose of the probe, as what a load step solves against."""
+        from mixpinn.fem.contact.problem import ContactProblem
+
+        return ContactProblem(self, patch, pose, frame)
 
     def _near(
         self, vertices: FloatArray, pose: ProbePose, cutoff: float,

@@ -97,7 +97,7 @@ class _Pair(NamedTuple):
 
 
 @numba.njit(cache=True)
-def _spans(feature, corner, edges, tips, bases):  # type: ignore[no-untyped-def]
+def edge_spans(feature, corner, edges, tips, bases):  # type: ignore[no-untyped-def]
     """Edges within which the nearest place may move, and the corners at their tips and bases; their number."""
     if feature == 0:
         pairs = ((0, 1), (0, 2))
@@ -116,7 +116,7 @@ def _spans(feature, corner, edges, tips, bases):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True)
-def _gram_inverse(edges, m, inverse):  # type: ignore[no-untyped-def]
+def gram_inverse(edges, m, inverse):  # type: ignore[no-untyped-def]
     """Inverse of the m × m matrix of the scalar products of the edges; zero for degenerate ones."""
     a = (edges[0] * edges[0]).sum()
     if m == 1:
@@ -153,7 +153,7 @@ def _levers(by_sample, moving, m, pair):  # type: ignore[no-untyped-def]
     edges, inverse, lever, turned = pair.edges, pair.inverse, pair.lever, pair.turned
     weights, apart, tips, bases = pair.weights, pair.apart, pair.tips, pair.bases
     if m > 0:
-        _gram_inverse(edges, m, inverse)
+        gram_inverse(edges, m, inverse)
     for k in range(m):
         for i in range(moving):
             sign = 0.0
@@ -297,7 +297,7 @@ def evaluate(x, pairs, anchors, law, gap, exact):  # type: ignore[no-untyped-def
                 slopes.slope[index, i, r] = -stiffness * pair.weights[i] * pair.direction[r]
         m, bend = 0, 0.0
         if exact:
-            m, bend = _spans(feature, corner, pair.edges, pair.tips, pair.bases), push / distance
+            m, bend = edge_spans(feature, corner, pair.edges, pair.tips, pair.bases), push / distance
             _levers(by_sample, moving, m, pair)
         _add_normal(pair, moving, m, push, stiffness, bend, sums)
     if law.friction > 0.0 and hits > 0:

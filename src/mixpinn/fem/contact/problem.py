@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mixpinn.base.arrays import BoolArray, FloatArray
+from mixpinn.base.arrays import BoolArray, FloatArray, IntArray
 from mixpinn.fem.contact.model import ContactModel, FrictionFrame
 from mixpinn.fem.contact.pair_kernel import Anchors, Pairs, evaluate
 from mixpinn.fem.contact.surfaces import SkinPatch
@@ -12,7 +12,7 @@ from mixpinn.geometry.probe_pose import ProbePose
 from mixpinn.geometry.triangle_search import close_pairs, points_beneath
 from mixpinn.physics.contact_law import ContactConstants
 
-_MARGIN = 2.0
+MARGIN = 2.0
 """How far [mm] a vertex may move before close pairs are sought again."""
 
 
@@ -29,6 +29,7 @@ class ContactForces:
         normal_force: of each contact point [N], shape (p,).
         penetration: largest violation of the gap [mm].
         hits: number of active pairs.
+        pressed: vertices of the skin whose faces carry pressure, where the gap law is integrated over faces.
     """
 
     energy: float
@@ -39,6 +40,7 @@ class ContactForces:
     normal_force: FloatArray
     penetration: float
     hits: int
+    pressed: IntArray | None = None
 
 
 class ContactProblem:
@@ -113,9 +115,9 @@ class ContactProblem:
 
     def _seek_pairs(self, positions: FloatArray) -> None:
         """List the pairs that may touch, again only where a vertex has moved far since the last time."""
-        if self._seen_at is not None and ((positions - self._seen_at) ** 2).sum(axis=1).max(initial=0.0) <= _MARGIN**2:
+        if self._seen_at is not None and ((positions - self._seen_at) ** 2).sum(axis=1).max(initial=0.0) <= MARGIN**2:
             return
-        cutoff = self.model.config.gap + _MARGIN
+        cutoff = self.model.config.gap + MARGIN
         self._seen_at = positions.copy()
         self._sample_pairs = np.stack(close_pairs(self._samples, positions, self.patch.triangles, cutoff), axis=1)
         self._vertex_pairs = np.stack(

@@ -9,6 +9,7 @@ from mixpinn.base.arrays import FloatArray, IntArray
 from mixpinn.base.errors import InputError
 from mixpinn.geometry.proximity import Triangulation
 from mixpinn.records import TissueMesh
+from mixpinn.records.tissue_mesh import CELL_EDGES
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,8 +34,8 @@ class SkinSurface:
 
     @staticmethod
     def of_mesh(mesh: TissueMesh) -> "SkinSurface":
-        """The mesh's own skin."""
-        vertices, triangles = np.unique(mesh.skin_faces, return_inverse=True)
+        """The mesh's own skin: its nodes, with the triangles between them."""
+        vertices, triangles = np.unique(mesh.skin_triangles, return_inverse=True)
         triangles = triangles.reshape(-1, 3)
         return SkinSurface(
             vertices[:, None], np.ones((len(vertices), 1)), Triangulation.build(triangles, len(vertices)),
@@ -42,7 +43,9 @@ class SkinSurface:
 
     @staticmethod
     def embedded(mesh: TissueMesh, points: FloatArray, triangles: IntArray) -> "SkinSurface":
-        """Another surface tied to the mesh: vertices that are nodes follow them, others their cell's four nodes.
+        """Another surface tied to the mesh: vertices that are nodes follow them, others their cell's nodes.
+
+        In a ten-node cell they follow its quadratic shape functions.
 
         Args:
             mesh: the mesh to follow.
@@ -56,8 +59,9 @@ class SkinSurface:
         distance, nearest = cKDTree(mesh.points).query(points)
         corners = mesh.points[mesh.cells]
         inverse = np.linalg.inv(np.concatenate([corners, np.ones((len(corners), 4, 1))], axis=2).transpose(0, 2, 1))
-        nodes = np.repeat(nearest[:, None], 4, axis=1)
-        weights = np.tile([1.0, 0.0, 0.0, 0.0], (len(points), 1))
+        width = mesh.cell_nodes.shape[1]
+        nodes = np.repeat(nearest[:, None], width, axis=1)
+        weights = np.eye(1, width).repeat(len(points), axis=0)
         for vertex in np.flatnonzero(distance > 1e-3):
             barycentric = inverse @ np.append(points[vertex], 1.0)
             cell = int(barycentric.min(axis=1).argmax())
@@ -66,7 +70,10 @@ class SkinSurface:
                     "contact surface", expected="vertices on the mesh's skin", got=f"vertex {vertex} far from it",
                     fix="use a surface of the same anatomy and frame",
                 )
-            nodes[vertex], weights[vertex] = mesh.cells[cell], barycentric[cell]
+            at = barycentric[cell]
+            if mesh.order == 2:
+                at = np.concatenate([at * (2.0 * at - 1.0), 4.0 * at[CELL_EDGES].prod(axis=1)])
+            nodes[vertex], weights[vertex] = mesh.cell_nodes[cell], at
         return SkinSurface(nodes.astype(np.int64), weights, Triangulation.build(triangles, len(points)))
 
 

@@ -1,10 +1,52 @@
 """Which unknowns of the elastic body a patch of skin hangs on, and how."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from mixpinn.base.arrays import BoolArray, FloatArray, IntArray
 from mixpinn.fem.contact.surfaces import SkinPatch, SkinSurface
 from mixpinn.fem.elements.system import ElasticSystem, State
+
+
+@dataclass(frozen=True, eq=False)
+class Link:
+    """How coordinates of a patch's vertices hang on the kept unknowns at one configuration; v vertices, m unknowns.
+
+    Attributes:
+        jacobian: derivative of the coordinates, shape (3 v, m); None where each coordinate is an unknown or held.
+        columns: the unknown of each coordinate, −1 where it is held, shape (3 v,); used where there is no jacobian.
+        count: m.
+    """
+
+    jacobian: FloatArray | None
+    columns: IntArray
+    count: int
+
+    def move(self, y: FloatArray) -> FloatArray:
+        """Displacement of the vertices [mm], shape (v, 3), for increments y of the unknowns, shape (m,)."""
+        if self.jacobian is not None:
+            return np.einsum("ij,j->i", self.jacobian, y).reshape(-1, 3)
+        return np.append(y, 0.0)[self.columns].reshape(-1, 3)
+
+    def reduce(self, gradient: FloatArray) -> FloatArray:
+        """Gradient by vertices (v, 3) as gradient by unknowns (m,)."""
+        if self.jacobian is not None:
+            return np.einsum("i,ij->j", gradient.ravel(), self.jacobian)
+        reduced: FloatArray = np.zeros(self.count + 1)
+        reduced[self.columns] = gradient.ravel()
+        return reduced[:-1]
+
+    def reduce_stiffness(self, stiffness: FloatArray, touched: BoolArray) -> tuple[FloatArray, IntArray]:
+        """Stiffness (3 v, 3 v) of the `touched` vertices (v,) by the unknowns that move them, and these unknowns."""
+        rows = np.flatnonzero(np.repeat(touched, 3))
+        if self.jacobian is not None:
+            some = self.jacobian[rows]
+            columns = np.flatnonzero(some.any(axis=0))
+            some = some[:, columns]
+            return some.T @ stiffness[np.ix_(rows, rows)] @ some, columns
+        rows = rows[self.columns[rows] >= 0]
+        return stiffness[np.ix_(rows, rows)], self.columns[rows]
 
 
 class ContactUnknowns:
@@ -28,7 +70,7 @@ class ContactUnknowns:
         self._system, self._skin, self._patch = system, skin, patch
         self._nodes, self._weights = skin.nodes[patch.vertices], skin.weights[patch.vertices]
         n_parts = system.mesh.n_parts
-        part = system.mesh.part[self._nodes].astype(np.int64)
+        part = system.mesh.node_part[self._nodes].astype(np.int64)
         soft = system.node_dofs(self._nodes.ravel()).reshape(*self._nodes.shape, 3)
         used = self._weights != 0.0
         self._first_twist = system.n_dofs - 6 * n_parts
@@ -38,9 +80,10 @@ class ContactUnknowns:
         twists = [self._first_twist + 6 * k + np.arange(6) for k, _ in self._rigid]
         moving = np.unique(np.concatenate([soft[used].ravel(), *twists, np.empty(0, dtype=np.int64)]))
         moving = moving[moving >= 0]
-        self._soft_jacobian = np.zeros((3 * len(patch.vertices), len(moving)))
+        plain = self._nodes.shape[1] == 1 and not self._rigid
+        self._soft_jacobian = np.zeros((0, 0) if plain else (3 * len(patch.vertices), len(moving)))
         vertex, which = np.nonzero(used)
-        for axis in range(3):
+        for axis in () if plain else range(3):
             unknown = soft[vertex, which, axis]
             moved = unknown >= 0
             place = (3 * vertex[moved] + axis, np.searchsorted(moving, unknown[moved]))
@@ -48,6 +91,15 @@ class ContactUnknowns:
         self._moving = moving
         self._free = np.ones(len(moving), dtype=bool) if held is None else ~held[moving]
         self.kept: IntArray = moving[self._free]
+        self._plain: Link | None = None
+        if self._nodes.shape[1] == 1 and not self._rigid:
+            index = np.full(system.n_dofs + 1, -1, dtype=np.int64)
+            index[self.kept] = np.arange(len(self.kept))
+            self._plain = Link(None, index[soft.ravel()], len(self.kept))
+
+    def link(self, state: State) -> Link:
+        """How the vertices hang on the kept unknowns at a configuration."""
+        return self._plain or Link(self.jacobian(state), np.empty(0, dtype=np.int64), len(self.kept))
 
     def positions(self, state: State) -> FloatArray:
         """Positions of the patch's vertices [mm], shape (v, 3)."""
@@ -57,12 +109,14 @@ class ContactUnknowns:
 
     def jacobian(self, state: State) -> FloatArray:
         """Derivative of the vertices' coordinates by the kept unknowns, shape (3 v, m)."""
+        if self._plain is not None:
+            return np.eye(len(self.kept) + 1)[self._plain.columns][:, :-1]
         if not self._rigid:
             return self._soft_jacobian[:, self._free]
         jacobian = self._soft_jacobian.copy()
         for k, places in self._rigid:
             column = int(np.searchsorted(self._moving, self._first_twist + 6 * k))
-            centre = state.points[self._system.mesh.part == k + 1].mean(axis=0)
+            centre = state.points[self._system.mesh.part_nodes(k + 1)].mean(axis=0)
             for v, w in places:
                 weight = self._weights[v, w]
                 x, y, z = weight * (state.points[self._nodes[v, w]] - centre)
@@ -73,7 +127,7 @@ class ContactUnknowns:
 
     def on_nodes(self, gradient: FloatArray) -> FloatArray:
         """Gradient by vertices (v, 3) as gradient by mesh nodes [N], shape (n, 3)."""
-        nodal = np.zeros((self._system.mesh.n_points, 3))
+        nodal = np.zeros((self._system.mesh.n_nodes, 3))
         for column in range(self._nodes.shape[1]):
             np.add.at(nodal, self._nodes[:, column], self._weights[:, column, None] * gradient)
         return nodal

@@ -8,7 +8,7 @@ from mixpinn.base.arrays import FloatArray
 from mixpinn.base.errors import InputError
 from mixpinn.fem.contact.surfaces import SkinSurface
 from mixpinn.fem.scene import Scene
-from mixpinn.fem.solve.pose_simulator import Equilibrium, PoseSimulator, simulator_of
+from mixpinn.fem.solve.pose_simulator import Equilibrium, PoseSimulator, loaded_nodes, simulator_of
 from mixpinn.geometry.first_touch import first_touch
 from mixpinn.geometry.probe_pose import ProbePose
 from mixpinn.geometry.rotations import vector_from_rotation
@@ -96,7 +96,7 @@ def _straight_path(scene: Scene, target: ProbePose) -> ProbePath | None:
     skin = scene.skin or SkinSurface.of_mesh(scene.mesh)
     try:
         touch = first_touch(
-            target.translation, target.rotation, points=skin.vertices(scene.mesh.points),
+            target.translation, target.rotation, points=skin.vertices(scene.mesh.node_points),
             triangles=skin.surface.triangles, probe=scene.probe, gap=scene.contact.gap,
         )
     except InputError:  # nothing in the probe's way
@@ -124,7 +124,7 @@ def _untouched(scene: Scene) -> Answer:
     mesh = scene.mesh
     still = Motion(np.zeros(3), np.zeros(3), np.eye(3))
     return Answer(
-        mesh, np.zeros((mesh.n_points, 3), dtype=np.float32), Source.FULL_SOLVE, model="Full solve",
+        mesh, np.zeros((mesh.n_nodes, 3), dtype=np.float32), Source.FULL_SOLVE, model="Full solve",
         force=np.zeros(3), moment=np.zeros(3), motions=dict.fromkeys(mesh.rigid_names, still),
         contact=Contact(np.empty(0, dtype=np.int64), np.empty((0, 3)), np.empty((0, 3))),
         trust=Trust(residual=0.0), discretisation=discretisation_of(mesh),
@@ -136,13 +136,13 @@ def _answer(scene: Scene, simulation: Simulation, last: Equilibrium, start: Equi
     mesh, done = scene.mesh, int(simulation.converged.sum())
     history = None if start is None and not done else PressHistory(scene.hash(), last)
     state = last.balance.state
-    displacement = (state.points - mesh.points).astype(np.float32)
+    displacement = (state.points - mesh.node_points).astype(np.float32)
     motions = {
         name: Motion(shift, vector_from_rotation(turn), turn)
         for name, shift, turn in zip(mesh.rigid_names, state.translation, state.rotation, strict=True)
     }
     external = last.balance.external
-    loaded = np.flatnonzero((external != 0.0).any(axis=1))
+    loaded = loaded_nodes(last.balance, scene.skin or SkinSurface.of_mesh(mesh))
     converged = done == simulation.n_steps
     depth = f"{simulation.path.depths[done - 1]:g}" if done else "0"
     reasons = () if converged else (

@@ -9,7 +9,7 @@ import numpy as np
 from mixpinn.base.arrays import FloatArray, IntArray
 from mixpinn.base.errors import InputError
 from mixpinn.fem.contact.model import ContactModel
-from mixpinn.fem.contact.surfaces import SkinPatch
+from mixpinn.fem.contact.surfaces import SkinPatch, SkinSurface
 from mixpinn.fem.elements.system import ElasticSystem, State
 from mixpinn.fem.scene import Scene
 from mixpinn.fem.solve.linear import LinearSolver
@@ -228,12 +228,24 @@ def simulator_of(scene: Scene) -> PoseSimulator:
 _simulator: PoseSimulator | None = None
 
 
+def loaded_nodes(at: Balance, skin: SkinSurface) -> IntArray:
+    """Mesh nodes that the probe loads, ascending.
+
+    With the gap law at contact points, those that carry a force. Integrated over faces, all nodes of the faces that
+    carry pressure: under a uniform one the force on a vertex is nothing, though it is pressed as its midpoints are.
+    """
+    if at.contact is not None and at.contact.pressed is not None:
+        chosen = at.contact.pressed
+        return np.unique(skin.nodes[chosen][skin.weights[chosen] != 0.0])
+    return np.flatnonzero(np.abs(at.external).max(axis=1) > NO_FORCE)
+
+
 class _Recorder:
     """Collects the arrays of a `Simulation`."""
 
     def __init__(self, contact: ContactModel, system: ElasticSystem, n_steps: int) -> None:
         self.contact, self.system = contact, system
-        n, k = system.mesh.n_points, system.mesh.n_parts
+        n, k = system.mesh.n_nodes, system.mesh.n_parts
         self.displacement = np.zeros((n_steps, n, 3), dtype=np.float32)
         self.wrench = np.zeros((n_steps, 6))
         self.rotation = np.tile(np.eye(3), (n_steps, k, 1, 1))
@@ -255,7 +267,7 @@ class _Recorder:
     ) -> None:
         """Record a converged step; `near` are the skin vertices within the alarm distance."""
         points = at.state.points
-        self.displacement[step] = points - self.system.mesh.points
+        self.displacement[step] = points - self.system.mesh.node_points
         self.wrench[step, :3] = at.external.sum(axis=0)
         self.wrench[step, 3:] = np.cross(points - pose.translation, at.external).sum(axis=0)
         self.rotation[step], self.translation[step] = at.state.rotation, at.state.translation
@@ -268,10 +280,10 @@ class _Recorder:
         self.converged[step], self.iterations[step] = True, iterations
         skin = self.contact.skin
         listed = np.unique(skin.nodes[near][skin.weights[near] != 0.0])
-        loaded = np.flatnonzero(np.abs(at.external).max(axis=1) > NO_FORCE)
+        loaded = loaded_nodes(at, skin)
         nodes = np.union1d(listed, loaded).astype(np.int64)
         forces = -at.external[nodes]
-        forces[np.abs(forces).max(axis=1, initial=0.0) <= NO_FORCE] = 0.0
+        forces[~np.isin(nodes, loaded)] = 0.0
         self.nodes.append(nodes)
         self.forces.append(forces)
 

@@ -144,7 +144,7 @@ class QuasiStaticSolver:
         """Contact of the probe at `pose` with the patch; None without one."""
         if self.contact is None or self._patch is None:
             return None
-        return ContactProblem(self.contact, self._patch, pose, frame)
+        return self.contact.problem(self._patch, pose, frame)
 
     def balance(self, state: State, problem: ContactProblem | None) -> Balance:
         """Evaluate all forces at `state`."""
@@ -260,17 +260,11 @@ class QuasiStaticSolver:
         """Contact forces λ on the kept unknowns in equilibrium with the linearised body."""
         assert self._unknowns is not None
         assert self._inverse is not None
-        positions, jacobian = self._unknowns.positions(at.state), self._unknowns.jacobian(at.state)
+        link, positions = self._unknowns.link(at.state), self._unknowns.positions(at.state)
 
         def law(y: FloatArray, exact: bool) -> tuple[FloatArray, FloatArray, IntArray]:
-            moved = np.einsum("ij,j->i", jacobian, y).reshape(-1, 3)
-            forces = problem.evaluate(positions + moved, exact=exact)
-            rows = np.flatnonzero(np.repeat(forces.touched, 3))
-            some = jacobian[rows]
-            columns = np.flatnonzero(some.any(axis=0))
-            some = some[:, columns]
-            reduced = np.einsum("i,ij->j", forces.gradient.ravel(), jacobian)
-            return reduced, some.T @ forces.stiffness[np.ix_(rows, rows)] @ some, columns
+            forces = problem.evaluate(positions + link.move(y), exact=exact)
+            return link.reduce(forces.gradient), *link.reduce_stiffness(forces.stiffness, forces.touched)
 
         # Start from the last forces where they leave the skin about where it is, else from where it is: a start
         # without forces would let the skin spring back through the probe.

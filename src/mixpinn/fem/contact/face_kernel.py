@@ -1,0 +1,126 @@
+"""Compiled evaluation of contact integrated over the faces of a patch of skin.
+
+Each point p = Σ w_i x_i of a face, which stands for the area A, has its distance d to the nearest place q of the probe.
+Its energy is A φ(g − d) with the penalty φ of `mixpinn.physics.contact_law` per area; with n = (p − q)/d the force on
+it is A φ' n, and its stiffness
+
+    A φ'' n nᵀ − A φ' ∂²d,    ∂²d = (1 − n nᵀ − Σ_kl (M⁻¹)_kl T_k T_lᵀ) / d
+
+with the edges T_k within which q moves and their scalar products M (see `mixpinn.fem.contact.pair_kernel`). Friction
+acts on the same points. Both reach the nodes by the face's shape functions w_i.
+"""
+
+import numba
+import numpy as np
+
+from mixpinn.fem.contact.pair_kernel import edge_spans, gram_inverse
+from mixpinn.geometry.proximity import nearest_on_triangle
+from mixpinn.physics.contact_law import penalty, return_slip, slip_derivative
+
+# mypy cannot see through numba's decorators: the kernels are untyped, their callers are not.
+
+
+@numba.njit(cache=True)
+def nearest_on_probe(point, candidates, corners, probe_triangles):  # type: ignore[no-untyped-def]
+    """Nearest place among some of the probe's triangles: triangle, weights, squared distance, feature."""
+    best, wa, wb, wc, squared, feature = -1, 0.0, 0.0, 0.0, np.inf, 0
+    for k in range(len(candidates)):
+        t = candidates[k]
+        a, b, c, s, f = nearest_on_triangle(
+            point[0], point[1], point[2], corners[probe_triangles[t, 0]], corners[probe_triangles[t, 1]],
+            corners[probe_triangles[t, 2]],
+        )
+        if s < squared:
+            best, wa, wb, wc, squared, feature = t, a, b, c, s, f
+    return best, wa, wb, wc, squared, feature
+
+
+@numba.njit(cache=True)
+def evaluate_faces(  # type: ignore[no-untyped-def]
+    x, nodes, weights, area, offsets, candidates, corners, probe_triangles, law, gap, anchored, anchor_normal,
+    anchor_offset, exact,
+):
+    """Contact of placed probe corners with points of faces between skin vertices `x` (v, 3).
+
+    `nodes` and `weights` (q, w) and `area` (q,) are those of the points, entries offsets[i]:offsets[i + 1] of
+    `candidates` the probe triangles that point i may touch; `law` holds stiffnesses per area. `anchor_offset` (q, 3) is
+    the elastic slip at the start of the step less where the point's partner on the probe has gone since, so that
+    e = offset + p. Without `exact` the stiffness lacks the curvature of d and the dependence of friction on the normal
+    force, and is positive semi-definite.
+
+    Returns:
+        energy, largest violation, number of active points, gradient (v, 3), stiffness (3 v, 3 v), which vertices carry
+        any (v,), normal force (q,) and elastic slip (q, 3) of each point.
+    """
+    n_points, width = weights.shape
+    energy, worst, hits = 0.0, 0.0, 0
+    gradient, hessian = np.zeros((len(x), 3)), np.zeros((3 * len(x), 3 * len(x)))
+    touched = np.zeros(len(x), np.bool_)
+    force, slip = np.zeros(n_points), np.zeros((n_points, 3))
+    corner, edges, inverse = np.empty((3, 3)), np.zeros((2, 3)), np.zeros((2, 2))
+    tips, bases = np.zeros(2, np.int64), np.zeros(2, np.int64)
+    point, n, e, u, push_on = np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    local = np.empty((3, 3))
+    for i in range(n_points):
+        if offsets[i] == offsets[i + 1]:
+            continue
+        point[:] = 0.0
+        for c in range(width):
+            for r in range(3):
+                point[r] += weights[i, c] * x[nodes[i, c], r]
+        t, wa, wb, wc, squared, feature = nearest_on_probe(
+            point, candidates[offsets[i]:offsets[i + 1]], corners, probe_triangles,
+        )
+        distance = np.sqrt(squared)
+        phi, slope, curvature = penalty(gap - distance, law.stiffness, law.smoothing)
+        if slope == 0.0:
+            continue
+        hits += 1
+        phi, slope, curvature = area[i] * phi, area[i] * slope, area[i] * curvature
+        energy += phi
+        worst = max(worst, gap - distance)
+        force[i] = slope
+        distance = max(distance, 1e-9)
+        for c in range(3):
+            corner[c] = corners[probe_triangles[t, c]]
+        for r in range(3):
+            n[r] = (point[r] - wa * corner[0, r] - wb * corner[1, r] - wc * corner[2, r]) / distance
+        bend = slope / distance if exact else 0.0
+        for r in range(3):
+            push_on[r] = -slope * n[r]
+            for s in range(3):
+                local[r, s] = (curvature + bend) * n[r] * n[s]
+            local[r, r] -= bend
+        if exact:
+            m = edge_spans(feature, corner, edges, tips, bases)
+            if m > 0:
+                gram_inverse(edges, m, inverse)
+            for a in range(m):
+                for b in range(m):
+                    for r in range(3):
+                        for s in range(3):
+                            local[r, s] += bend * inverse[a, b] * edges[a, r] * edges[b, s]
+        if law.friction > 0.0 and anchored[i]:
+            stick, normal = law.slip_stiffness * area[i], anchor_normal[i]
+            for r in range(3):
+                e[r] = anchor_offset[i, r] + point[r]
+            factor, sticks, stored = return_slip(e, normal, law.friction * slope, stick, u)
+            energy += stored
+            for r in range(3):
+                slip[i, r] = factor / stick * e[r]
+                push_on[r] += factor * e[r]
+                for s in range(3):
+                    local[r, s] += factor * slip_derivative(r, s, normal, u)
+                    if exact and not sticks:
+                        local[r, s] -= law.friction * curvature * u[r] * n[s]
+        for c in range(width):
+            vc, wr = nodes[i, c], weights[i, c]
+            touched[vc] = True
+            for r in range(3):
+                gradient[vc, r] += wr * push_on[r]
+            for d in range(width):
+                vd, ww = nodes[i, d], wr * weights[i, d]
+                for r in range(3):
+                    for s in range(3):
+                        hessian[3 * vc + r, 3 * vd + s] += ww * local[r, s]
+    return energy, worst, hits, gradient, hessian, touched, force, slip
