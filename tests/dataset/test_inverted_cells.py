@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from dataset.dataset_fakes import SHORT, FakeScene, block, fake_simulation, short_store
-from mixpinn.dataset import GenerationSummary, inverted_cells, summarize
+from mixpinn.dataset import GenerationSummary, inverted_cells, summarise
 from mixpinn.records import ProbePath
 
 
@@ -71,8 +71,8 @@ def test_summary_lists_them_and_keeps_them_for_the_next_time(tmp_path, mesh):
     for pose in store.poses:
         simulation = turned(mesh, 17) if pose.position_index == 1 else turned(mesh, 17, pose_steps=())
         store.save(pose, replace(simulation, position_index=pose.position_index))
-    assert summarize(store, cells=False).inverted is None
-    summary = summarize(store)
+    assert summarise(store, cells=False).inverted is None
+    summary = summarise(store)
     assert {(entry.pose, entry.steps) for entry in summary.inverted if entry.cell == 17} == {("pose_001_000", 2)}
     assert f"| Inverted cells | {len(summary.inverted)} in 1 poses |" in summary.markdown()
     summary.save(tmp_path / "summary.json")
@@ -80,14 +80,14 @@ def test_summary_lists_them_and_keeps_them_for_the_next_time(tmp_path, mesh):
     assert "inverted" not in summary.totals()
 
     (tmp_path / "mesh.vtu").unlink()  # not opened again
-    assert summarize(store) == summary
+    assert summarise(store) == summary
     (tmp_path / "inverted.json").write_text("{")
     with pytest.raises(Exception, match="mesh"):
-        summarize(store)
+        summarise(store)
 
 
 def test_summary_of_an_older_run_has_no_list(tmp_path):
-    summary = summarize(short_store(tmp_path, FakeScene(block(3))))
+    summary = summarise(short_store(tmp_path, FakeScene(block(3))))
     summary.save(tmp_path / "summary.json")
     assert summary.inverted == ()
     values = json.loads((tmp_path / "summary.json").read_text())

@@ -1,13 +1,13 @@
 import pytest
 
 from dataset.dataset_fakes import FakeScene, block, filled_store, short_store
-from mixpinn.dataset import GenerationSummary, summarize
+from mixpinn.dataset import GenerationSummary, summarise
 
 
 def test_totals(tmp_path):
     store = filled_store(tmp_path, FakeScene(block(3), trouble={0: "raise", 1: "unconverged"}))
     store.discard(store.poses[-1])
-    summary = summarize(store, wall_seconds=2.0, workers=2)
+    summary = summarise(store, wall_seconds=2.0, workers=2)
     assert (summary.poses, summary.done, summary.failed, summary.missing) == (6, 3, 2, 1)
     assert summary.steps == 3 * 6
     assert summary.contact_steps == 2 + 2 + 4
@@ -24,7 +24,7 @@ def test_totals(tmp_path):
 
 
 def test_round_trip_also_of_an_empty_store(tmp_path):
-    summary = summarize(short_store(tmp_path, FakeScene(block(3))))
+    summary = summarise(short_store(tmp_path, FakeScene(block(3))))
     assert summary.min_jacobian is None
     summary.save(tmp_path / "summary.json")
     assert GenerationSummary.load(tmp_path / "summary.json") == summary

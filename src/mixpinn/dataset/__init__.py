@@ -41,7 +41,7 @@ from mixpinn.dataset.sample_table import ContactRule, build_sample_table, table_
 from mixpinn.dataset.split import Split, split_positions, split_sofa_subset
 from mixpinn.dataset.status import PoseState, PoseStatus
 from mixpinn.dataset.store import SimulationStore
-from mixpinn.dataset.summary import GenerationSummary, summarize
+from mixpinn.dataset.summary import GenerationSummary, summarise
 from mixpinn.dataset.worker import Runner, run_pose
 from mixpinn.geometry.probe_pose import probe_rotation
 
@@ -95,7 +95,7 @@ __all__ = [
     "split_positions",
     "split_samples",
     "split_sofa_subset",
-    "summarize",
+    "summarise",
     "table_of",
     "thin_positions",
     "with_contact_noise",

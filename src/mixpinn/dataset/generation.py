@@ -12,7 +12,7 @@ from mixpinn.dataset.local_pool import run_local
 from mixpinn.dataset.protocol import Pose
 from mixpinn.dataset.status import PoseState
 from mixpinn.dataset.store import SimulationStore
-from mixpinn.dataset.summary import SUMMARY, GenerationSummary, summarize
+from mixpinn.dataset.summary import SUMMARY, GenerationSummary, summarise
 from mixpinn.dataset.worker import Runner
 from mixpinn.records import TissueMesh
 
@@ -93,7 +93,7 @@ def _generate(
         if not scheduler:
             store.clear_unfinished()
         # An interrupted run ends at once; the next one looks for inverted cells.
-        summary = summarize(store, wall_seconds=before + time.perf_counter() - start, workers=workers, cells=ended)
+        summary = summarise(store, wall_seconds=before + time.perf_counter() - start, workers=workers, cells=ended)
         summary.save(store.folder / SUMMARY)
     return summary
 

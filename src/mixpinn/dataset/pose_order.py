@@ -9,7 +9,8 @@ from mixpinn.dataset.protocol import Pose
 from mixpinn.geometry.farthest_points import farthest_first as farthest_points_first
 
 TURN = 20.0
-"""A quarter turn of the probe counts like this distance between positions [mm]."""
+"""A quarter turn of the probe counts like this distance between positions [mm]. Chosen by hand: two steps
+of the protocol's grid of 10 mm."""
 
 
 def farthest_first(poses: Sequence[Pose]) -> tuple[Pose, ...]:

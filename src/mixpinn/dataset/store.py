@@ -49,7 +49,7 @@ class SimulationStore:
         manifest.json           sizes and hashes of these three
         pose_PPP_RRR/           one `Simulation`
         status/pose_PPP_RRR.json
-        summary.json            totals, see `mixpinn.dataset.summarize`
+        summary.json            totals, see `mixpinn.dataset.summarise`
 
     A pose counts as done when its status says so, which is written after its data; the status carries the size of
     each file and a hash of the arrays, so that a truncated or altered group is found out and simulated again.

@@ -98,7 +98,7 @@ class GenerationSummary:
         return f"{len({entry.cell for entry in self.inverted})} in {poses} poses" if poses else "none"
 
 
-def summarize(
+def summarise(
     store: SimulationStore, *, wall_seconds: float = 0.0, workers: int = 0, cells: bool = True,
 ) -> GenerationSummary:
     """Add up the statuses of a store.

@@ -14,7 +14,9 @@ from mixpinn.reduced.quadratic_features import quadratic_features
 from mixpinn.reduced.ridge import column_norms, ridge
 
 RIDGES = (1e-5, 1e-4, 1e-3, 1e-2)
+"""Strengths that are tried, relative to features of norm 1; the grid was chosen by hand, the value by validation."""
 SIZES = (8, 12, 16, 24)
+"""Numbers of coordinates that are tried; the grid was chosen by hand, the value by validation."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +63,7 @@ def fit_pose(
         model: without correction.
         training: of positions to learn from.
         validation: of other positions.
-        n_modes: of the correction.
+        n_modes: of the correction; the default was chosen by hand.
         seed: of the modes.
 
     Raises:

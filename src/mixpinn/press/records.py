@@ -25,6 +25,10 @@ class PoseContactConfig:
         rounds: solves for each of them, each with pairs and normals of the one before.
         tolerance: of the forces, relative.
         max_iterations: of one solve.
+
+    Gap and friction are those of the simulations. The other defaults were chosen by hand: for speed, a softer and
+    wider penalty than the solver's (500 N/mm over 0.02 mm) and samples twice as far apart. By how much contact gives
+    way, F / k a contact point, is left to the regression on simulations. No measurement of single values is kept.
     """
 
     gap: float = 2.0

@@ -16,8 +16,9 @@ from mixpinn.base.arrays import AnyArray, FloatArray
 from mixpinn.reduced.ridge import ridge
 
 _LOW = 8
-"""Modes that count as large-scale."""
+"""Modes that count as large-scale; chosen by hand."""
 _FLOOR = 1e-6
+"""Smaller signs and errors count as this [mm]: far below the error of any model, so that a logarithm exists."""
 
 
 @dataclass(frozen=True)
@@ -86,7 +87,8 @@ class ErrorEstimate:
             error: their mean Euclidean error [mm], shape (S,).
             training_coordinates: of the samples that the model was fitted on, shape (T, k).
             level: probability of the bound.
-            penalty: of the regression, relative to the number of samples; keeps collinear signs apart.
+            penalty: of the regression, relative to the number of samples; keeps collinear signs apart. The
+                default was chosen by hand.
         """
         rows = np.array([_row(sign) for sign in signs])
         target = np.log(np.maximum(error, _FLOOR))

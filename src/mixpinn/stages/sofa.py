@@ -7,7 +7,7 @@ import numpy as np
 
 from mixpinn.base.errors import InputError
 from mixpinn.base.rundir import finish_run, is_finished, leave_run, start_run
-from mixpinn.dataset import SOFA_REPLAY, Pose, SimulationStore, probe_path, read_positions, summarize
+from mixpinn.dataset import SOFA_REPLAY, Pose, SimulationStore, probe_path, read_positions, summarise
 from mixpinn.interop import SofaConstants, SofaSettings, export_sofa_scene, import_sofa
 from mixpinn.records import TissueMesh
 from mixpinn.stages.simulation import STORE, SimulationConfig, make_scene, plan
@@ -82,5 +82,5 @@ def import_sofa_recordings(
     )
     for key, pose in poses.items():
         store.save(pose, simulations[key])
-    finish_run(out, summarize(store, cells=False).totals())
+    finish_run(out, summarise(store, cells=False).totals())
     return store

@@ -2,12 +2,12 @@
 
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
 from mixpinn.base.errors import InputError
 from mixpinn.dataset import (
+    ContactRule,
     PoseState,
     SampleSplit,
     SimulationStore,
@@ -41,13 +41,13 @@ class SplitConfig:
         seed: of the permutation.
         file: a split as JSON, used instead; or ``every-fifth``: of the positions that have samples, sorted, every
             fifth beginning with the third tests, and every sixth of the rest, beginning with the fourth, validates.
-        contact: which nodes are contact nodes: those that carry force, or all that are near.
+        contact_rule: which nodes are contact nodes: those that carry force, or all that are near.
     """
 
     ratios: tuple[float, float, float] = (0.7, 0.2, 0.1)
     seed: int = 42
     file: str | None = None
-    contact: Literal["loaded", "listed"] = "loaded"
+    contact_rule: ContactRule = "loaded"
 
 
 @dataclass(frozen=True)
@@ -124,7 +124,7 @@ def load_samples(store: SimulationStore, config: SplitConfig) -> tuple[SampleTab
             got=f"{len(missing)} poses missing, the first {missing[0].name} ({missing[0].reason})",
             fix="run 'mixpinn simulate' again: finished poses are kept",
         )
-    table, split = build_sample_table(store, contact=config.contact), make_split(store, config)
+    table, split = build_sample_table(store, contact=config.contact_rule), make_split(store, config)
     for name, positions in split.parts.items():
         if not len(table.at_positions(positions)):
             raise InputError(

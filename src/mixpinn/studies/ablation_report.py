@@ -149,7 +149,7 @@ def protocol_line(
         f"scaling “{config.scaling.value}”, "
         f"AdamW, learning rate {train.learning_rate:g}, batch {train.batch_size} (PhysGNN "
         f"{config.physgnn_learning_rate:g}, {config.physgnn_batch_size}), {budget}. {seeds} "
-        f"Contact nodes: {config.split.contact}."
+        f"Contact nodes: {config.split.contact_rule}."
     )
 
 

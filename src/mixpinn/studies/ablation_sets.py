@@ -99,7 +99,7 @@ def probe_set(
         protocol=replace(simulation.protocol, rotations=probe.rotations),
     )
     store, _ = make_simulations(mesh, pressed, out=out, scheduler=scheduler)
-    samples = build_sample_table(store, contact=config.split.contact)
+    samples = build_sample_table(store, contact=config.split.contact_rule)
     shallow = np.ones(len(samples), dtype=bool) if config.deepest_seen is None else samples.depth <= config.deepest_seen
     angles = ", ".join(f"{rotation:g}" for rotation in probe.rotations)
     return (
