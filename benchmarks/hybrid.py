@@ -2,7 +2,7 @@
 
 ``python -m benchmarks.hybrid BUNDLE`` reads the store and the split that the bundle was made from (or ``--store``),
 predicts every test sample and prints the errors of prior and hybrid model and, as its last line, a JSON object. Latency
-is the wall time of one prediction, warm, from the field of contact displacements to the field of all displacements.
+is the wall time of one prediction, warm, from the displacements of the contact nodes to those of all nodes.
 """
 
 import argparse

@@ -39,7 +39,7 @@ class MissedTable(SampleTable):
     @staticmethod
     def of(table: SampleTable, prior: ElasticPrior) -> "MissedTable":
         """Ask the prior about every sample."""
-        response = np.stack([prior.predict(table.contact_field(index)) for index in range(len(table))])
+        response = np.stack([prior.predict(*table.contact(index)) for index in range(len(table))])
         values = {entry.name: getattr(table, entry.name) for entry in fields(SampleTable)}
         return MissedTable(**{**values, "displacement": table.displacement - response}, response=response)
 
@@ -56,10 +56,10 @@ class PriorNetwork:
     network: Predictor
     name: str = "Prior + MIXPINN's network on the rest"
 
-    def predict(self, contact_displacement: AnyArray) -> Float32Array:
+    def predict(self, nodes: AnyArray, displacements: AnyArray) -> Float32Array:
         """Displacement of every node [mm], shape (n, 3)."""
-        response = self.prior.predict(contact_displacement)
-        return response + self.network.predict(response)
+        response = self.prior.predict(nodes, displacements)
+        return response + self.network.predict(np.arange(len(response)), response)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

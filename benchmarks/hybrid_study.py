@@ -99,7 +99,7 @@ def variants(study: Study) -> list[dict[str, Any]]:
     bare = np.zeros_like(plain.gain)
     bare[: len(plain.newton.modes)] = np.eye(len(plain.newton.modes))
     models = [
-        ZeroModel(), study.prior, study.fit(config=RIDGE_ONLY, name="Prior + quadratic ridge"),
+        ZeroModel(study.mesh.n_points), study.prior, study.fit(config=RIDGE_ONLY, name="Prior + quadratic ridge"),
         *(NewtonSteps(study.prior, MATERIALS, steps=k) for k in (1, 2, 3)),
         replace(plain, gain=bare, name="Prior + modal Newton step, no regression"),
         replace(plain, name="Prior + modal Newton step + linear ridge"), study.fit(name="Hybrid"),

@@ -43,7 +43,9 @@ def test_it_stands_in_the_report_beside_the_prior(chain, bundle, tmp_path):
 
 
 def test_it_predicts_a_sample_of_the_store(chain, bundle, tmp_path):
-    done("predict", bundle, "--simulations", chain.simulation, "--out", tmp_path / "deformed.vtu")
+    said = done("predict", bundle, "--simulations", chain.simulation, "--out", tmp_path / "deformed.vtu").out
+    assert "moved by" in said
+    assert "Expected mean error against the solver" in said
     grid = pv.read(tmp_path / "deformed.vtu")
     error = ((grid["displacement"] - grid["reference"]) ** 2).sum(axis=1) ** 0.5
     scale = (grid["reference"] ** 2).sum(axis=1) ** 0.5

@@ -5,7 +5,8 @@ from hypothesis import strategies as st
 
 from mixpinn.base.config import build_config
 from mixpinn.base.errors import InputError
-from mixpinn.dataset import PAPER, SOFA_REPLAY, Pose, Protocol, list_poses, probe_path, probe_rotation, read_positions
+from mixpinn.dataset import PAPER, SOFA_REPLAY, Pose, Protocol, list_poses, probe_path, read_positions
+from mixpinn.geometry.probe_pose import probe_rotation
 
 ANGLES = st.floats(-360.0, 360.0)
 DIRECTIONS = st.tuples(*[st.floats(-1.0, 1.0)] * 3).filter(lambda d: np.linalg.norm(d) > 0.1)

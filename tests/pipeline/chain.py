@@ -29,10 +29,11 @@ RUN = {"title": "Toy", "anatomy": ANATOMY, "mesh": MESH, "simulation": SIMULATIO
 
 @dataclass(frozen=True)
 class Outcome:
-    """Exit code and what was written to standard error."""
+    """Exit code, and what was written to standard error and standard output."""
 
     code: int
     err: str
+    out: str
 
     @property
     def lines(self):
@@ -41,14 +42,15 @@ class Outcome:
 
 def command(*words):
     """Run ``mixpinn WORDS`` in this process."""
-    err = io.StringIO()
+    err, out = io.StringIO(), io.StringIO()
     code = 0
-    with mock.patch.object(sys, "argv", ["mixpinn", *map(str, words)]), contextlib.redirect_stderr(err):
+    written = contextlib.redirect_stderr(err), contextlib.redirect_stdout(out)
+    with mock.patch.object(sys, "argv", ["mixpinn", *map(str, words)]), written[0], written[1]:
         try:
             main()
         except SystemExit as end:
             code = end.code or 0
-    return Outcome(code, err.getvalue())
+    return Outcome(code, err.getvalue(), out.getvalue())
 
 
 def done(*words):

@@ -12,8 +12,9 @@ import torch
 
 from mixpinn.base.errors import InputError
 from mixpinn.networks import ModelConfig, build_graph_for, build_model, load_checkpoint
-from mixpinn.records import Prediction, SampleTable, TissueMesh
-from mixpinn.serving import Predictor, contact_field
+from mixpinn.records import Answer, SampleTable, TissueMesh
+from mixpinn.serving import Predictor
+from mixpinn.serving.contact_input import checked_contact, spread
 
 
 @pytest.fixture(scope="module")
@@ -27,41 +28,49 @@ def test_predictions_are_the_networks(predictor: Predictor, folder: Path, table:
     field = table.contact_field(2)
     with torch.no_grad():
         expected = model(torch.from_numpy(field)[None])[0].numpy()
-    np.testing.assert_array_equal(predictor.predict_with_virtual(field), expected)
-    answer = predictor.predict(field)
+    np.testing.assert_array_equal(predictor.predict_with_virtual(*table.contact(2)), expected)
+    answer = predictor.predict(*table.contact(2))
     np.testing.assert_array_equal(answer, expected[:125])
     assert (answer.dtype, answer.shape, graph.n_nodes) == (np.float32, (125, 3), 127)
     assert predictor.name == "mixpinn"
 
 
 def test_the_operand_stays_untouched_and_its_type_does_not_matter(predictor: Predictor, table: SampleTable) -> None:
-    field = table.contact_field(0).astype(np.float64)
-    field.flags.writeable = False
-    np.testing.assert_array_equal(predictor.predict(field), predictor.predict(field.astype(np.float32)))
-    np.testing.assert_array_equal(predictor.predict(np.zeros((125, 3), dtype=int)), predictor.predict(0.0 * field))
+    nodes, moved = table.contact(0)
+    exact = moved.astype(np.float64)
+    exact.flags.writeable = False
+    np.testing.assert_array_equal(predictor.predict(nodes, exact), predictor.predict(nodes.astype(np.int32), moved))
+    zero = np.zeros((len(nodes), 3), dtype=int)
+    np.testing.assert_array_equal(predictor.predict(nodes, zero), predictor.predict(nodes, 0.0 * moved))
 
 
-def test_a_list_of_contacts_in_any_order_is_the_field(predictor: Predictor, table: SampleTable) -> None:
+def test_contact_nodes_may_come_in_any_order(predictor: Predictor, table: SampleTable) -> None:
     sample = table[1]
-    expected = predictor.predict(table.contact_field(1))
+    expected = predictor.predict(*table.contact(1))
     backwards = predictor.predict_at(sample.contact_nodes[::-1], sample.contact_displacement[::-1])
-    assert isinstance(backwards, Prediction)
+    assert isinstance(backwards, Answer)
     assert backwards.model == "mixpinn"
     np.testing.assert_array_equal(backwards.displacement, expected)
+    assert backwards.force is None
+    assert backwards.trust is None
 
 
-BAD_FIELDS = {
-    "other mesh": np.zeros((124, 3)), "flat": np.zeros(375), "a batch": np.zeros((1, 125, 3)),
-    "nan": np.full((125, 3), np.nan), "infinite": np.full((125, 3), np.inf), "too large": np.full((125, 3), 1e300),
-    "text": np.full((125, 3), "a"), "complex": np.zeros((125, 3), dtype=complex),
-}
+def test_motions_of_a_network_are_the_nearest_rigid_ones(predictor: Predictor, table: SampleTable) -> None:
+    mesh, answer = predictor.mesh, predictor.predict_at(*table.contact(1))
+    assert set(answer.motions) == set(mesh.rigid_names)
+    nodes = mesh.part_nodes(1)
+    np.testing.assert_allclose(
+        answer.motions[mesh.rigid_names[0]].translation, answer.displacement[nodes].mean(axis=0), atol=1e-6,
+    )
 
 
-@pytest.mark.parametrize("field", BAD_FIELDS.values(), ids=BAD_FIELDS)
-@pytest.mark.filterwarnings("ignore:overflow")
-def test_bad_fields_are_refused(predictor: Predictor, field: np.ndarray) -> None:
-    with pytest.raises(InputError, match="contact displacement"):
-        predictor.predict(field)
+def test_a_network_refuses_poses(predictor: Predictor) -> None:
+    with pytest.raises(InputError, match="takes the probe's pose"):
+        predictor.press((0.0, 0.0, 0.0))
+
+
+def test_spread_is_the_field_that_networks_read(table: SampleTable) -> None:
+    np.testing.assert_array_equal(spread(*table.contact(1), n_nodes=125), table.contact_field(1))
 
 
 BAD_CONTACTS = {
@@ -79,7 +88,7 @@ BAD_CONTACTS = {
 @pytest.mark.parametrize(("nodes", "displacements", "message"), BAD_CONTACTS.values(), ids=BAD_CONTACTS)
 def test_bad_contacts_are_refused(nodes: object, displacements: object, message: str) -> None:
     with pytest.raises(InputError, match=message):
-        contact_field(np.array(nodes), np.array(displacements), n_nodes=125)
+        checked_contact(np.array(nodes), np.array(displacements), n_nodes=125)
 
 
 def test_a_mesh_of_another_topology_is_refused(folder: Path, mesh: TissueMesh) -> None:
@@ -110,8 +119,8 @@ def test_virtual_topology_is_the_graphs(mesh: TissueMesh) -> None:
 
 def test_serving_imports_neither_trainer_nor_solver(folder: Path, tmp_path: Path) -> None:
     script = (
-        "import json, sys; from mixpinn.stages.prediction import predict_stage\n"
-        "predict_stage(*sys.argv[1:])\n"
+        "import json, sys; import mixpinn as mx; from mixpinn.stages.prediction import answer_contacts\n"
+        "answer_contacts(mx.load(sys.argv[1]), sys.argv[2]).save(sys.argv[3])\n"
         "print(json.dumps(sorted(sys.modules)))"
     )
     contacts = tmp_path / "contacts.csv"

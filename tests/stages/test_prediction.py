@@ -10,7 +10,7 @@ from mixpinn.base.errors import InputError
 from mixpinn.dataset import Pose, Protocol, SimulationStore
 from mixpinn.records import ProbePath, SampleTable, Simulation, TissueMesh
 from mixpinn.serving import Predictor, SampleAddress
-from mixpinn.stages.prediction import predict_stage
+from mixpinn.stages.prediction import answer_contacts
 
 
 @pytest.fixture
@@ -43,12 +43,13 @@ def store(tmp_path: Path, mesh: TissueMesh, table: SampleTable) -> Path:
 
 def test_the_deformed_mesh_is_written(folder: Path, contacts: Path, tmp_path: Path, mesh: TissueMesh) -> None:
     out = tmp_path / "deformed.vtu"
-    prediction = predict_stage(folder, contacts, out, threads=1)
+    answer = answer_contacts(Predictor.load(folder, threads=1), contacts)
+    answer.save(out)
     grid = pv.read(out)
-    np.testing.assert_allclose(grid.points, mesh.points + prediction.displacement, atol=1e-6)
-    np.testing.assert_array_equal(grid.point_data["displacement"], prediction.displacement)
+    np.testing.assert_allclose(grid.points, mesh.points + answer.displacement, atol=1e-6)
+    np.testing.assert_array_equal(grid.point_data["displacement"], answer.displacement)
     np.testing.assert_array_equal(grid.point_data["part"], mesh.part)
-    predict_stage(folder, contacts, tmp_path / "deformed.stl")
+    answer.save(tmp_path / "deformed.stl")
     surface = pv.read(tmp_path / "deformed.stl")
     assert surface.n_cells == len(mesh.boundary_faces)
     np.testing.assert_allclose(surface.bounds, grid.bounds, atol=1e-3)
@@ -58,12 +59,13 @@ def test_a_sample_of_a_store_is_predicted_beside_its_reference(
     folder: Path, store: Path, tmp_path: Path, table: SampleTable,
 ) -> None:
     out = tmp_path / "deformed.vtu"
-    predict_stage(folder, SampleAddress(store, 0, 45.0, depth=2.0), out)
+    predictor = Predictor.load(folder)
+    answer_contacts(predictor, SampleAddress(store, 0, 45.0, depth=2.0)).save(out)
     grid = pv.read(out)
     reference = table.displacement[1]
-    predicted = Predictor.load(folder).predict(table.contact_field(1))
+    predicted = predictor.predict(*table.contact(1))
     np.testing.assert_allclose(grid.point_data["error"], np.linalg.norm(predicted - reference, axis=1), atol=1e-5)
-    deepest = predict_stage(folder, SampleAddress(store, 0, 45.0), out)
+    deepest = answer_contacts(predictor, SampleAddress(store, 0, 45.0))
     np.testing.assert_array_equal(deepest.reference, table.displacement[3])
 
 
@@ -71,14 +73,13 @@ def test_a_sample_of_a_store_is_predicted_beside_its_reference(
     ((9, 45.0, 2.0), "position 9 at 45°"), ((0, 90.0, 2.0), "position 0 at 90°"), ((0, 45.0, 7.5), "7.5 mm"),
 ])
 def test_unknown_samples_are_refused(
-    folder: Path, store: Path, tmp_path: Path, address: tuple[int, float, float], message: str,
+    folder: Path, store: Path, address: tuple[int, float, float], message: str,
 ) -> None:
     with pytest.raises(InputError, match=message):
-        predict_stage(folder, SampleAddress(store, *address), tmp_path / "out.vtu")
-    assert not (tmp_path / "out.vtu").exists()
+        answer_contacts(Predictor.load(folder), SampleAddress(store, *address))
 
 
 def test_unknown_suffixes_leave_nothing_behind(folder: Path, contacts: Path, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"\.vtu, \.stl or \.ply"):
-        predict_stage(folder, contacts, tmp_path / "deformed.obj")
+        answer_contacts(Predictor.load(folder), contacts).save(tmp_path / "deformed.obj")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["contacts.npz"]

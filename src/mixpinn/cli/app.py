@@ -6,7 +6,6 @@ from typing import Annotated
 import typer
 
 from mixpinn.base.config import build_config
-from mixpinn.base.progress import console
 from mixpinn.cli.options import (
     Config,
     MeshSource,
@@ -20,8 +19,8 @@ from mixpinn.cli.options import (
     load_mesh,
     settings_layers,
     simulation_settings,
-    simulations_folder,
 )
+from mixpinn.cli.output import say, warn
 
 app = typer.Typer(
     name="mixpinn", no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False,
@@ -47,19 +46,18 @@ def anatomy(
     overrides: Set = None,
 ) -> None:
     """Label maps → one checked label map in the world frame."""
-    from mixpinn.stages.anatomy import AnatomyConfig, make_anatomy
+    from mixpinn.stages.anatomy import AnatomyConfig, make_anatomy, source_settings
     from mixpinn.stages.setup_tables import findings_table
 
-    kind = "phantom" if source == "phantom" else "folder" if Path(source).is_dir() else "multilabel"
     settings = build_config(AnatomyConfig, *settings_layers(
-        config, overrides, source=kind, path=None if kind == "phantom" else source, names=names and str(names),
-        body=body, rigid=rigid and tuple(rigid), soft=soft and tuple(soft), repair=repair or None, seed=seed,
+        config, overrides, **source_settings(source), names=names and str(names), body=body,
+        rigid=rigid and tuple(rigid), soft=soft and tuple(soft), repair=repair or None, seed=seed,
     ))
     result = make_anatomy(settings, out=out)
     label_map = result.label_map
-    console.print(f"{', '.join(label_map.names)}: {'×'.join(map(str, label_map.labels.shape))} voxels in {out}")
+    say(f"{', '.join(label_map.names)}: {'×'.join(map(str, label_map.labels.shape))} voxels in {out}")
     if result.findings:
-        console.print(findings_table(result.findings).rich())
+        say(findings_table(result.findings).rich())
 
 
 @app.command()
@@ -82,10 +80,10 @@ def mesh(
     ))
     given: LabelMap | Path = source if source.suffix == ".vtu" else LabelMap.load(source / "labels.nii.gz")
     result = make_mesh(given, settings, out=out)
-    console.print(result.statistics.table())
-    console.print(quality_table(result.quality).rich())
+    say(result.statistics.table())
+    say(quality_table(result.quality).rich())
     if result.fidelity is not None:
-        console.print(fidelity_table(result.fidelity).rich())
+        say(fidelity_table(result.fidelity).rich())
 
 
 @app.command()
@@ -109,8 +107,9 @@ def simulate(
         workers=workers,
     )
     _, summary = make_simulations(load_mesh(source), settings, out=out, scheduler=scheduler)
+    say(summary.markdown())
     if summary.failed or summary.failed_steps:
-        console.print(f"[yellow]{summary.failed} poses and {summary.failed_steps} steps failed[/]; see {out}/poses.png")
+        warn(f"{summary.failed} poses and {summary.failed_steps} steps failed; see {out}/poses.png")
 
 
 @app.command()
@@ -121,8 +120,9 @@ def dataset(
     """Positions, poses and samples of each part of the split."""
     from mixpinn.dataset import SimulationStore, dataset_table
     from mixpinn.evaluation import dataset_counts_table
+    from mixpinn.face import simulations_folder
     from mixpinn.stages.training import SplitConfig, load_samples
 
     store = SimulationStore.open(simulations_folder(source))
     table, split = load_samples(store, SplitConfig(file=str(split_file) if split_file else None))
-    console.print(dataset_counts_table(dataset_table(table, split)).rich())
+    say(dataset_counts_table(dataset_table(table, split)).rich())

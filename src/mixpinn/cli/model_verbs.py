@@ -8,7 +8,6 @@ import typer
 
 from mixpinn.base.config import build_config, parse_overrides
 from mixpinn.base.errors import InputError
-from mixpinn.base.progress import console
 from mixpinn.cli.app import app
 from mixpinn.cli.options import (
     Config,
@@ -20,9 +19,10 @@ from mixpinn.cli.options import (
     SplitFile,
     Threads,
     load_mesh,
+    read_tip,
     settings_layers,
-    simulations_folder,
 )
+from mixpinn.cli.output import say, warn
 
 
 @app.command()
@@ -41,8 +41,10 @@ def train(
 ) -> None:
     """Train one model; an interrupted run goes on to the same loss curve."""
     from mixpinn.dataset import SimulationStore
-    from mixpinn.stages.hybrid import HybridStageConfig, make_hybrid
-    from mixpinn.stages.training import HYBRID, ModelsConfig, SplitConfig, load_samples, train_model
+    from mixpinn.face import simulations_folder
+    from mixpinn.reduced.hybrid import HybridModel
+    from mixpinn.stages.fit import fit_model
+    from mixpinn.stages.training import ModelsConfig, SplitConfig, load_samples
 
     settings = build_config(
         ModelsConfig, {"names": [model]}, *settings_layers(config, None, width=width, scaling=scaling),
@@ -50,15 +52,12 @@ def train(
     )
     store = SimulationStore.open(simulations_folder(source))
     table, split = load_samples(store, SplitConfig(file=str(split_file) if split_file else None))
-    if model == HYBRID:
-        hybrid = make_hybrid(
-            store, table, split, HybridStageConfig(hybrid=settings.hybrid), out=out, held_out=hold_out,
-        )
-        samples = hybrid.about["training_samples"]
-        console.print(f"{len(hybrid.newton.modes)} modes from {samples} samples; model in {out}")
+    result = fit_model(model, settings, store, table, split, out=out, devices=devices, held_out=hold_out)
+    if isinstance(result, HybridModel):
+        samples = result.about["training_samples"]
+        say(f"{len(result.newton.modes)} modes from {samples} samples; model in {out}")
         return
-    result = train_model(model, settings, table, split, store, out=out, devices=devices, held_out=hold_out)
-    console.print(
+    say(
         f"{len(result.history)} epochs, best {result.best_epoch} with {result.best_validation_loss:.4f} mm on the "
         f"validation positions ({result.stopped_by}); model in {out}"
     )
@@ -77,16 +76,19 @@ def evaluate(
 ) -> None:
     """Metrics on the test positions, pictures and the HTML report."""
     from mixpinn.dataset import SimulationStore
+    from mixpinn.evaluation import results_table
+    from mixpinn.face import simulations_folder
     from mixpinn.stages.evaluation import EvaluationConfig, evaluate_models
     from mixpinn.stages.training import SplitConfig, load_samples
 
     store = SimulationStore.open(simulations_folder(source))
     table, split = load_samples(store, SplitConfig(file=str(split_file) if split_file else None))
-    _, report = evaluate_models(
+    evaluations, report = evaluate_models(
         models, store, table, split, EvaluationConfig(pictures=pictures, with_paper=paper), out=out,
         threads=threads, held_out=hold_out,
     )
-    console.print(f"Report: {report}")
+    say(results_table(evaluations, with_paper=paper).rich())
+    say(f"Report: {report}")
 
 
 @app.command()
@@ -169,21 +171,28 @@ def predict(
     threads: Threads = None,
 ) -> None:
     """Contact displacement, or the probe's pose, → deformed mesh, for ParaView and 3D Slicer."""
-    from mixpinn.serving import ProbeAddress, SampleAddress
-    from mixpinn.stages.prediction import predict_stage
+    from mixpinn.face import load, simulations_folder
+    from mixpinn.records.answer import checked_output
 
+    checked_output(out)
     if sum(source is not None for source in (contacts, simulations, tip)) != 1:
         raise InputError(
             "predict", expected="one of --contacts, --simulations and --tip", got="none or several",
             fix="give one of them",
         )
-    source: Path | SampleAddress | ProbeAddress
-    if contacts is not None:
-        source = contacts
-    elif tip is not None:
-        source = ProbeAddress.read(tip, rotation)
+    place = None if tip is None else read_tip(tip)
+    predictor = load(model, threads=threads, warm_up=False)
+    if place is not None:
+        answer = predictor.press(place, rotation_deg=rotation)
     else:
-        assert simulations is not None
-        source = SampleAddress(simulations_folder(simulations), position, rotation, depth)
-    predict_stage(model, source, out, threads=threads)
-    console.print(f"Deformed mesh: {out}")
+        from mixpinn.serving.contact_source import SampleAddress
+        from mixpinn.stages.prediction import answer_contacts
+
+        source = contacts or SampleAddress(simulations_folder(simulations or Path()), position, rotation, depth)
+        answer = answer_contacts(predictor, source)
+    answer.save(out)
+    for line in answer.describe():
+        say(line)
+    for line in answer.warnings():
+        warn(line)
+    say(f"Deformed mesh: {out}")

@@ -1,5 +1,6 @@
 """Options that several verbs share, and how settings come from file, option and ``--set``."""
 
+import math
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -39,14 +40,21 @@ def settings_layers(config: Path | None, overrides: list[str] | None, **options:
     ]
 
 
-def simulations_folder(folder: Path) -> Path:
-    """The store inside the run directory of `simulate`, or the store itself."""
-    for candidate in (folder / "store", folder):
-        if (candidate / "store.json").exists():
-            return candidate
-    raise InputError(
-        str(folder), expected="simulations", got="no store.json", fix="give the folder that 'mixpinn simulate' wrote",
-    )
+def read_tip(text: str) -> tuple[float, float, float]:
+    """The place of a probe's tip [mm] from 'x,y,z'.
+
+    Raises:
+        InputError: not three finite numbers.
+    """
+    try:
+        x, y, z = (float(word) for word in text.split(","))
+    except ValueError:
+        x = y = z = math.nan
+    if not all(map(math.isfinite, (x, y, z))):
+        raise InputError(
+            "tip", expected="three numbers 'x,y,z' [mm]", got=repr(text), fix="for example --tip=-10,120.5,35",
+        )
+    return x, y, z
 
 
 def load_mesh(source: Path) -> "TissueMesh":

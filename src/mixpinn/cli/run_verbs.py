@@ -7,7 +7,6 @@ from typing import Annotated, Any
 import typer
 
 from mixpinn.base.config import build_config
-from mixpinn.base.progress import console
 from mixpinn.cli.app import app, export_app, import_app
 from mixpinn.cli.options import (
     Config,
@@ -23,6 +22,7 @@ from mixpinn.cli.options import (
     settings_layers,
     simulation_settings,
 )
+from mixpinn.cli.output import say
 
 
 @app.command()
@@ -60,16 +60,16 @@ def onboard(
 ) -> None:
     """Label maps → a predictor bundle, usable after the prior and better after each round of poses; with a report."""
     from mixpinn.pipeline import OnboardingConfig, onboard
+    from mixpinn.stages.anatomy import source_settings
 
-    kind = "phantom" if source == "phantom" else "folder" if Path(source).is_dir() else "multilabel"
-    anatomy: dict[str, Any] = {"source": kind, "path": None if kind == "phantom" else source}
+    anatomy: dict[str, Any] = source_settings(source)
     simulation = {"probe": probe and str(probe), "workers": workers}
     settings = build_config(OnboardingConfig, *settings_layers(
         config, overrides, poses=poses, pictures=None if pictures else False,
-        anatomy={**anatomy, "repair": kind != "phantom"}, mesh={"size": size} if size else None,
+        anatomy={**anatomy, "repair": source != "phantom"}, mesh={"size": size} if size else None,
         simulation={key: value for key, value in simulation.items() if value is not None} or None,
     ))
-    console.print(f"Predictor: {onboard(settings, out=out)}")
+    say(f"Predictor: {onboard(settings, out=out)}")
 
 
 @app.command()
@@ -103,7 +103,7 @@ def export_sofa(
     settings = simulation_settings(
         config, overrides, protocol=protocol, probe=probe, positions=positions, paper_constants=paper_constants,
     )
-    console.print(f"Scene: {write(load_mesh(source), settings, out=out)}")
+    say(f"Scene: {write(load_mesh(source), settings, out=out)}")
 
 
 @import_app.command("sofa")
@@ -125,4 +125,4 @@ def import_sofa(
     known += [asdict(SofaConstants.of_scene(scene))] if scene is not None else []
     constants = build_config(SofaConstants, *known, *settings_layers(config, overrides))
     store = import_sofa_recordings(recordings, load_mesh(mesh_source), constants, positions=positions, out=out)
-    console.print(f"{len(store.poses)} poses in {out}")
+    say(f"{len(store.poses)} poses in {out}")

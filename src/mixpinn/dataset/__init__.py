@@ -43,7 +43,6 @@ from mixpinn.dataset.status import PoseState, PoseStatus
 from mixpinn.dataset.store import SimulationStore
 from mixpinn.dataset.summary import GenerationSummary, summarise
 from mixpinn.dataset.worker import Runner, run_pose
-from mixpinn.geometry.probe_pose import probe_rotation
 
 __all__ = [
     "ANATOMY",
@@ -87,7 +86,6 @@ __all__ = [
     "pinned_threads",
     "plan_poses",
     "probe_path",
-    "probe_rotation",
     "read_positions",
     "rotation_is",
     "run_pose",

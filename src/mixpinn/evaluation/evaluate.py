@@ -22,31 +22,32 @@ from mixpinn.records import Evaluation, SampleTable, TissueMesh
 
 
 @runtime_checkable
-class DisplacementModel(Protocol):
-    """Anything that turns contact displacements into a displacement field."""
+class Candidate(Protocol):
+    """What is evaluated: anything that turns contact displacements into a displacement field."""
 
     @property
     def name(self) -> str:
         """Name for tables and plots."""
 
-    def predict(self, contact_displacement: Float32Array) -> AnyArray:
+    def predict(self, nodes: AnyArray, displacements: AnyArray) -> AnyArray:
         """Displacement of every mesh node [mm], shape (n, 3).
 
         Args:
-            contact_displacement: of the contact nodes, zero elsewhere [mm], float32, shape (n, 3).
+            nodes: contact nodes, each once, shape (c,).
+            displacements: of each [mm], float32, shape (c, 3).
         """
 
 
 @runtime_checkable
-class VirtualDisplacementModel(DisplacementModel, Protocol):
+class VirtualCandidate(Candidate, Protocol):
     """A model with virtual nodes or virtual edges, evaluated ``as published`` too."""
 
     @property
     def virtual(self) -> VirtualTopology | None:
         """The virtual nodes and edges that the model adds; None where it has none."""
 
-    def predict_with_virtual(self, contact_displacement: Float32Array) -> AnyArray:
-        """Displacement of mesh and virtual nodes [mm], shape (n + v, 3); operand as in `predict`."""
+    def predict_with_virtual(self, nodes: AnyArray, displacements: AnyArray) -> AnyArray:
+        """Displacement of mesh and virtual nodes [mm], shape (n + v, 3); operands as in `predict`."""
 
 
 class ZeroModel:
@@ -54,19 +55,22 @@ class ZeroModel:
 
     name = "No motion"
 
-    def predict(self, contact_displacement: Float32Array) -> Float32Array:
+    def __init__(self, n_nodes: int) -> None:
+        self.n_nodes = n_nodes
+
+    def predict(self, nodes: AnyArray, displacements: AnyArray) -> Float32Array:
         """Zero displacement of every node [mm], shape (n, 3)."""
-        return np.zeros_like(contact_displacement)
+        return np.zeros((self.n_nodes, 3), dtype=np.float32)
 
 
 def evaluate(
-    model: DisplacementModel, table: SampleTable, mesh: TissueMesh, *, split: str,
+    model: Candidate, table: SampleTable, mesh: TissueMesh, *, split: str,
     notes: Mapping[str, Any] | None = None, warm_up: int = 2,
 ) -> Evaluation:
     """Predict every sample of `table` and measure the errors.
 
-    Latency is the wall time of `predict` for one sample, from input array to output array, after `warm_up` predictions
-    that are not counted. Models with virtual nodes or edges (`VirtualDisplacementModel`) are asked a second time,
+    Latency is the wall time of `predict` for one sample, from contact nodes to output array, after `warm_up`
+    predictions that are not counted. Models with virtual nodes or edges (`VirtualCandidate`) are asked a second time,
     untimed, for the metrics ``as published``, which count those too.
 
     Args:
@@ -81,7 +85,7 @@ def evaluate(
         InputError: no samples, samples of another mesh, or predictions of a wrong shape or not finite.
 
     Example:
-        >>> metrics = evaluate(ZeroModel(), table, mesh, split="test").metrics
+        >>> metrics = evaluate(ZeroModel(mesh.n_points), table, mesh, split="test").metrics
         >>> bool(np.allclose(metrics["mee"], metrics["mean_displacement"]))
         True
     """
@@ -93,21 +97,21 @@ def evaluate(
             fix="evaluate on the mesh that was simulated",
         )
     geometry = MetricGeometry.of(mesh)
-    virtual = model.virtual if isinstance(model, VirtualDisplacementModel) else None
+    virtual = model.virtual if isinstance(model, VirtualCandidate) else None
     for _ in range(warm_up):
-        model.predict(table.contact_field(0))
+        model.predict(*table.contact(0))
     metrics: dict[str, list[float]] = {}
     parts: dict[str, list[float]] = {}
     seconds = np.empty(len(table))
     for index in track(range(len(table)), f"{model.name} on {split}"):
-        contact, reference = table.contact_field(index), table.displacement[index]
+        contact, reference = table.contact(index), table.displacement[index]
         start = time.perf_counter()
-        predicted = model.predict(contact)
+        predicted = model.predict(*contact)
         seconds[index] = time.perf_counter() - start
         values = sample_metrics(predicted, reference, geometry)
         values["largest_error"] = float(np.sqrt(np.square(predicted - reference).sum(axis=1).max()))
-        if virtual is not None and isinstance(model, VirtualDisplacementModel):
-            values |= _as_published(model.predict_with_virtual(contact), reference, geometry, virtual)
+        if virtual is not None and isinstance(model, VirtualCandidate):
+            values |= _as_published(model.predict_with_virtual(*contact), reference, geometry, virtual)
         values["mean_displacement"] = float(np.linalg.norm(reference, axis=1).mean())
         for name, value in values.items():
             metrics.setdefault(name, []).append(value)

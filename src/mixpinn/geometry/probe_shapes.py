@@ -1,7 +1,6 @@
 """Built-in tools: where no probe surface is at hand."""
 
 import numpy as np
-import pyvista as pv
 
 from mixpinn.base.arrays import FloatArray, IntArray
 from mixpinn.base.errors import InputError
@@ -40,12 +39,16 @@ def linear_probe(
     outward = points - core
     points = core + radius * outward / np.linalg.norm(outward, axis=1, keepdims=True)
     points -= [0.5 * length, 0.0, 0.5 * width]
+    import pyvista as pv
+
     surface = pv.PolyData.from_regular_faces(points, triangles).clean(tolerance=1e-6, absolute=True)
     return Probe(np.asarray(surface.points, dtype=np.float64), surface.regular_faces.astype(np.int64), "linear probe")
 
 
 def spherical_probe(*, radius: float = 15.0, subdivisions: int = 4) -> Probe:
     """A sphere of `radius` [mm] that touches the plane y = 0 from above with its lowest point at the origin."""
+    import pyvista as pv
+
     sphere = pv.Icosphere(radius=radius, nsub=subdivisions, center=(0.0, radius, 0.0))
     return Probe(
         np.asarray(sphere.points, dtype=np.float64), sphere.regular_faces.astype(np.int64), "spherical probe",

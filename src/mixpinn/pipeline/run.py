@@ -9,17 +9,15 @@ from typing import TypeVar
 from mixpinn.base.files import read_json, write_json
 from mixpinn.base.progress import console
 from mixpinn.base.rundir import finish_run, start_run
-from mixpinn.dataset import SimulationStore, Split
-from mixpinn.evaluation import Table
+from mixpinn.evaluation import Table, results_table
 from mixpinn.pipeline.config import RunConfig
-from mixpinn.records import SampleTable
 from mixpinn.stages.anatomy import AnatomyResult, make_anatomy
 from mixpinn.stages.evaluation import Background, evaluate_models
-from mixpinn.stages.hybrid import HybridStageConfig, make_hybrid
+from mixpinn.stages.fit import fit_model
 from mixpinn.stages.mesh import MeshResult, make_mesh
 from mixpinn.stages.setup_tables import fidelity_table, findings_table, quality_table
 from mixpinn.stages.simulation import make_simulations
-from mixpinn.stages.training import HYBRID, load_samples, train_model
+from mixpinn.stages.training import load_samples
 from mixpinn.training import settle_arithmetic
 
 T = TypeVar("T")
@@ -67,14 +65,15 @@ def run_pipeline(config: RunConfig, *, out: Path | str, threads: int | None = No
     store, summary = clock.measure(
         "Simulation", lambda: make_simulations(meshed.mesh, config.simulation, out=out / "simulation"),
     )
+    console.print(summary.markdown())
     table, split = load_samples(store, config.split)
     models = config.models
     if threads is not None:
         models = replace(models, train=replace(models.train, threads=threads))
     split.save(out / "split.json")
     for name in config.models.names:
-        clock.measure(f"Training {name}", lambda name=name: _train(  # type: ignore[misc]
-            name, replace(config, models=models), table, split, store, out / "models" / name,
+        clock.measure(f"Training {name}", lambda name=name: fit_model(  # type: ignore[misc]
+            name, models, store, table, split, out=out / "models" / name,
         ))
     background = Background(
         title=config.title, introduction=_introduction(config, meshed, len(store.poses), len(table)),
@@ -89,15 +88,9 @@ def run_pipeline(config: RunConfig, *, out: Path | str, threads: int | None = No
         "report": str(report), "stage_seconds": clock.seconds,
         "mee": {evaluation.model: float(evaluation.metrics["mee"].mean()) for evaluation in evaluations},
     })
+    console.print(results_table(evaluations, with_paper=config.evaluation.with_paper).rich())
     console.print(f"Report: {report}")
     return report
-
-
-def _train(name: str, config: RunConfig, table: SampleTable, split: Split, store: SimulationStore, out: Path) -> None:
-    if name == HYBRID:
-        make_hybrid(store, table, split, HybridStageConfig(hybrid=config.models.hybrid), out=out)
-    else:
-        train_model(name, config.models, table, split, store, out=out)
 
 
 def _introduction(config: RunConfig, meshed: MeshResult, poses: int, samples: int) -> str:

@@ -1,7 +1,7 @@
 """Answer: how the body stands under a press, wherever that is known from: a full solve, a model, or a refinement."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,6 +11,7 @@ import numpy as np
 from mixpinn.base.arrays import AnyArray, FloatArray, IntArray
 from mixpinn.base.errors import InputError
 from mixpinn.records.tissue_mesh import TissueMesh
+from mixpinn.records.vtu import TetraGrid
 
 if TYPE_CHECKING:
     import pyvista as pv
@@ -131,13 +132,37 @@ class Answer:
     reference: AnyArray | None = None
     history: object | None = None
 
+    def describe(self) -> tuple[str, ...]:
+        """Force, motions and trust in words, a line each."""
+        lines = []
+        if self.force is not None:
+            for force in np.atleast_2d(self.force):
+                x, y, z = force
+                lines.append(f"Force on the probe: {np.linalg.norm(force):.2f} N ({x:.2f}, {y:.2f}, {z:.2f})")
+        lines += [
+            f"{name}: moved by {motion.distance:.2f} mm, turned by {motion.angle_deg:.2f}°"
+            for name, motion in self.motions.items()
+        ]
+        if self.trust is not None and self.trust.expected is not None and self.trust.bound is not None:
+            lines.append(
+                f"Expected mean error against the solver: {self.trust.expected:.3f} mm, with "
+                f"{100.0 * (self.trust.level or 0.0):.0f} % probability below {self.trust.bound:.3f} mm"
+            )
+        return tuple(lines)
+
+    def warnings(self) -> tuple[str, ...]:
+        """What speaks against the answer, in words, a line each; nothing where it is sound."""
+        trust = self.trust
+        if trust is None or trust.sound:
+            return ()
+        verdict = "the answer did not converge" if not trust.converged else "the answer is outside of what is known"
+        return tuple(f"{verdict}: {reason}" for reason in trust.reasons) or (verdict,)
+
     def grid(self) -> "pv.UnstructuredGrid":
         """The deformed mesh with point data ``displacement`` and, where the reference is known, ``error`` [mm]."""
-        grid = self.mesh.grid(self.displacement)
-        if self.reference is not None:
-            grid.point_data["reference"] = self.reference
-            grid.point_data["error"] = np.linalg.norm(self.displacement - self.reference, axis=1)
-        return grid
+        import pyvista as pv
+
+        return pv.UnstructuredGrid(self._tetra_grid().vtk())
 
     def save(self, path: Path | str) -> None:
         """Write the deformed mesh: ``.vtu`` with all fields, or the surface as ``.stl`` or ``.ply``.
@@ -148,8 +173,17 @@ class Answer:
         from mixpinn.records.vtk_file import write_vtk
 
         path = checked_output(path)
-        grid = self.grid()
-        write_vtk(path, grid if path.suffix == ".vtu" else grid.extract_surface(algorithm="dataset_surface"))
+        if path.suffix == ".vtu":
+            write_vtk(path, self._tetra_grid().vtk())
+        else:
+            write_vtk(path, self.grid().extract_surface(algorithm="dataset_surface"))
+
+    def _tetra_grid(self) -> TetraGrid:
+        grid = self.mesh.tetra_grid(self.displacement)
+        if self.reference is None:
+            return grid
+        error = np.linalg.norm(self.displacement - self.reference, axis=1)
+        return replace(grid, point_data={**grid.point_data, "reference": self.reference, "error": error})
 
 
 def checked_output(path: Path | str) -> Path:

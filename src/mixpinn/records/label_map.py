@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-import nibabel as nib
 import numpy as np
 
 from mixpinn.base.arrays import AnyArray, FloatArray
@@ -55,6 +54,8 @@ class LabelMap:
 
     def save(self, path: Path | str) -> None:
         """Write ``NAME.nii.gz`` (scanner frame, as any viewer expects) and beside it ``NAME.json``."""
+        import nibabel as nib
+
         path = Path(path)
         image = nib.Nifti1Image(self.labels.astype(np.uint8), self.world_to_scanner @ self.affine)
         with atomic_path(path) as temporary:
@@ -72,6 +73,8 @@ class LabelMap:
         Raises:
             InputError: absent or damaged.
         """
+        import nibabel as nib
+
         path = Path(path)
         # gzip's own checksum is not looked at by nibabel.
         label_map_files(path).check(path.parent, path.name, _sidecar(path).name)

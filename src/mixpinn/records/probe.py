@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import pyvista as pv
 
 from mixpinn.base.arrays import FloatArray, IntArray
 from mixpinn.base.errors import InputError
@@ -33,6 +32,8 @@ class Probe:
 
     def save(self, path: Path | str) -> None:
         """Write an ``.stl``."""
+        import pyvista as pv
+
         write_vtk(path, pv.PolyData.from_regular_faces(self.points, self.triangles))
 
     @staticmethod
@@ -42,6 +43,8 @@ class Probe:
         Raises:
             InputError: absent, unreadable or without triangles.
         """
+        import pyvista as pv
+
         path = Path(path)
         if not path.is_file():
             raise InputError(str(path), expected="a probe surface (.stl)", got="no such file", fix="check the path")

@@ -98,8 +98,12 @@ class SampleTable:
         mask: BoolArray = np.isin(self.position_index, positions)
         return self.select(mask)
 
+    def contact(self, index: int) -> tuple[IntArray, Float32Array]:
+        """Contact nodes of one sample, shape (c,), and the displacement of each as a model is told it [mm], (c, 3)."""
+        return self.contacts(index), self._told(index)
+
     def contact_field(self, index: int) -> Float32Array:
-        """Displacement of the contact nodes, zero elsewhere [mm], shape (n, 3): the models' input."""
+        """Displacement of the contact nodes, zero elsewhere [mm], shape (n, 3): what networks read."""
         field = np.zeros_like(self.displacement[index])
         field[self.contacts(index)] = self._told(index)
         return field

@@ -4,7 +4,6 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 
 import numpy as np
-import zarr
 
 from mixpinn.base.arrays import AnyArray, BoolArray, Float32Array, FloatArray, IntArray
 from mixpinn.base.errors import InputError
@@ -93,6 +92,8 @@ class Simulation:
 
     def save(self, folder: Path | str) -> None:
         """Write a Zarr group of its own at `folder`, atomically."""
+        import zarr
+
         with atomic_path(folder) as temporary:
             group = zarr.open_group(str(temporary), mode="w")
             group.attrs.update({
@@ -110,6 +111,8 @@ class Simulation:
         Raises:
             InputError: absent, truncated or of another layout.
         """
+        import zarr
+
         try:
             group = zarr.open_group(str(folder), mode="r")
             values = {name: np.asarray(group[name][...]) for name in group.array_keys()}

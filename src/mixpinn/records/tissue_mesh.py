@@ -1,12 +1,11 @@
 """TissueMesh: the tetrahedral mesh with every node and cell labelled."""
 
-import warnings
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pyvista as pv
 
 from mixpinn.base.arrays import AnyArray, BoolArray, FloatArray, Int32Array, IntArray
 from mixpinn.base.errors import InputError
@@ -15,6 +14,10 @@ from mixpinn.records.label_map import SCANNER_TO_WORLD
 from mixpinn.records.mid_edges import edge_index, mid_edge_labels
 from mixpinn.records.tetrahedra import TETRA_FACES, signed_volumes
 from mixpinn.records.vtk_file import write_vtk
+from mixpinn.records.vtu import TetraGrid
+
+if TYPE_CHECKING:
+    import pyvista as pv
 
 MESH_FILE = "mesh.vtu"
 """Name of the mesh in every folder that holds one."""
@@ -189,32 +192,36 @@ class TissueMesh:
         order = () if self.order == 1 else (np.array([self.order]),)
         return hash_arrays(self.points, self.cells, self.part, self.fixed, self.tissue, *order)
 
-    def grid(self, displacement: AnyArray | None = None) -> pv.UnstructuredGrid:
-        """The mesh as a `pyvista` grid with its labels, moved by `displacement` where given.
+    def tetra_grid(self, displacement: AnyArray | None = None) -> TetraGrid:
+        """The mesh with its labels as it is written, moved by `displacement` where given.
 
         Args:
             displacement: of all nodes [mm], shape (n_nodes, 3), or of the vertices alone, (n_points, 3), which makes a
                 grid of linear cells.
         """
         if displacement is not None and self.order == 2 and len(displacement) == self.n_points:
-            return self.with_order(1).grid(displacement)
-        points = self.node_points if displacement is None else self.node_points + displacement
-        cells = np.column_stack([np.full(len(self.cells), self.cell_nodes.shape[1]), self.cell_nodes])
-        kind = pv.CellType.TETRA if self.order == 1 else pv.CellType.QUADRATIC_TETRA
-        grid = pv.UnstructuredGrid(cells, np.full(len(self.cells), kind), points)
-        grid.point_data["part"] = self.node_part.astype(np.int16)
-        grid.point_data["fixed"] = self.node_fixed.astype(np.uint8)
-        grid.cell_data["tissue"] = self.tissue.astype(np.int16)
-        if displacement is not None:
-            grid.point_data["displacement"] = np.asarray(displacement)
-        grid.field_data["rigid_names"] = [_ascii(name) for name in self.rigid_names] or [""]
-        grid.field_data["tissue_names"] = [_ascii(name) for name in self.tissue_names]
-        grid.field_data["world_to_scanner"] = self.world_to_scanner.ravel()
-        return grid
+            return self.with_order(1).tetra_grid(displacement)
+        moved = {} if displacement is None else {"displacement": np.asarray(displacement)}
+        return TetraGrid(
+            self.node_points if displacement is None else self.node_points + displacement, self.cell_nodes,
+            {"part": self.node_part.astype(np.int16), "fixed": self.node_fixed.astype(np.uint8), **moved},
+            {"tissue": self.tissue.astype(np.int16)},
+            {
+                "rigid_names": [_ascii(name) for name in self.rigid_names] or [""],
+                "tissue_names": [_ascii(name) for name in self.tissue_names],
+                "world_to_scanner": self.world_to_scanner.ravel(),
+            },
+        )
+
+    def grid(self, displacement: AnyArray | None = None) -> "pv.UnstructuredGrid":
+        """The same as a `pyvista` grid; operand as in `tetra_grid`."""
+        import pyvista as pv
+
+        return pv.UnstructuredGrid(self.tetra_grid(displacement).vtk())
 
     def save(self, path: Path | str) -> None:
         """Write a ``.vtu`` with the labels as point, cell and field data; VTK's quadratic tetrahedra with order 2."""
-        write_vtk(path, self.grid())
+        write_vtk(path, self.tetra_grid().vtk())
 
     @staticmethod
     def load(path: Path | str) -> "TissueMesh":
@@ -227,31 +234,28 @@ class TissueMesh:
         if not path.is_file():
             raise InputError(str(path), expected="a mesh (.vtu)", got="no such file", fix="check the path")
         try:
-            with pv.vtk_verbosity("off"), warnings.catch_warnings():
-                warnings.simplefilter("ignore")
-                grid = pv.read(path)
-        except Exception as error:  # readers raise many kinds: unknown suffix, XML, encoding
+            grid = TetraGrid.read(path)
+        except ValueError as error:
             raise InputError(
-                str(path), expected="a readable mesh (.vtu)", got=f"{type(error).__name__}: {error}",
-                fix="make or export the mesh again",
+                str(path), expected="a readable mesh (.vtu)", got=str(error), fix="make or export the mesh again",
             ) from error
-        if not {"part", "fixed"} <= set(grid.point_data) or "tissue" not in grid.cell_data:
+        data = grid.field_data
+        names = {"rigid_names", "tissue_names", "world_to_scanner"}
+        if not {"part", "fixed"} <= set(grid.point_data) or "tissue" not in grid.cell_data or not names <= set(data):
             raise InputError(
                 str(path), expected="point data 'part' and 'fixed' and cell data 'tissue'",
                 got=f"point data {sorted(grid.point_data)}", fix="import it with 'mixpinn mesh FILE.vtu'",
             )
-        names = tuple(_text(name) for name in grid.field_data["rigid_names"])
-        nodes = grid.cells_dict.get(pv.CellType.QUADRATIC_TETRA)
-        order, cells = (1, grid.cells_dict[pv.CellType.TETRA]) if nodes is None else (2, nodes[:, :4])
-        points, n = np.asarray(grid.points, dtype=np.float64), len(grid.points)
+        nodes = grid.cells if grid.cells.shape[1] == 10 else None
+        order, cells = (1, grid.cells) if nodes is None else (2, nodes[:, :4])
+        points, n = grid.points, len(grid.points)
         if nodes is not None:
             n = int(nodes[:, 4:].min(initial=n))  # the vertices come first
         mesh = TissueMesh(
-            points[:n], np.asarray(cells, dtype=np.int32),
-            np.asarray(grid.point_data["part"])[:n], np.asarray(grid.point_data["fixed"]).astype(bool)[:n],
-            tuple(name for name in names if name), np.asarray(grid.cell_data["tissue"]),
-            tuple(_text(name) for name in grid.field_data["tissue_names"]),
-            np.asarray(grid.field_data["world_to_scanner"], dtype=np.float64).reshape(4, 4), order,
+            points[:n], cells.astype(np.int32), grid.point_data["part"][:n],
+            grid.point_data["fixed"].astype(bool)[:n], tuple(_text(name) for name in data["rigid_names"] if name),
+            grid.cell_data["tissue"], tuple(_text(name) for name in data["tissue_names"]),
+            np.asarray(data["world_to_scanner"], dtype=np.float64).reshape(4, 4), order,
         )
         if nodes is not None and not (
             cells.max() < n and mesh.n_nodes == len(points) and np.array_equal(mesh.cell_nodes, nodes)

@@ -26,7 +26,7 @@ from mixpinn.records import MESH_FILE, TissueMesh
 from mixpinn.reduced.equilibrium import Equilibrium
 from mixpinn.reduced.error_estimate import ErrorEstimate, Signs
 from mixpinn.reduced.modal_newton import ModalNewton
-from mixpinn.reduced.prior import PRIOR, ContactSystem, ElasticPrior, contact_nodes
+from mixpinn.reduced.prior import PRIOR, ContactSystem, ElasticPrior
 from mixpinn.reduced.quadratic_features import quadratic_features
 
 HYBRID_FILE, _TENSORS, PRIOR_FOLDER = "hybrid.json", "hybrid.safetensors", "prior"
@@ -136,12 +136,9 @@ class HybridModel:
         unknowns[contact.unknowns] = np.asarray(displacement, dtype=np.float32).ravel()
         return HybridState(contact, response, force, unknowns, step, correction, coordinates)
 
-    def predict(self, contact_displacement: AnyArray) -> Float32Array:
-        """Displacement of every node [mm], float32, (n, 3), from that of the contact nodes, zero elsewhere, (n, 3)."""
-        nodes = contact_nodes(contact_displacement)
-        if not len(nodes):
-            return np.zeros((self.mesh.n_points, 3), dtype=np.float32)
-        return self.expand(self.solve(nodes, contact_displacement[nodes]))
+    def predict(self, nodes: AnyArray, displacements: AnyArray) -> Float32Array:
+        """Displacement of every node [mm], float32, shape (n, 3), from that of contact nodes; operands of `solve`."""
+        return self.expand(self.solve(nodes, displacements))
 
     def expand(self, state: HybridState) -> Float32Array:
         """The field of a state [mm], float32, shape (n, 3)."""

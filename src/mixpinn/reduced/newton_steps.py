@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mixpinn.base.arrays import AnyArray, Float32Array, FloatArray
-from mixpinn.reduced.prior import ContactSystem, ElasticPrior, contact_nodes
+from mixpinn.reduced.prior import ContactSystem, ElasticPrior
 
 if TYPE_CHECKING:
     from mixpinn.fem import Material
@@ -33,13 +33,15 @@ class NewtonSteps:
         self._system, self._rest, self._now = ElasticSystem(prior.mesh, materials), default_solver(), default_solver()
         self._rest.factorize(self._system.tangent(self._system.rest_state(), project=True))
 
-    def predict(self, contact_displacement: AnyArray) -> Float32Array:
-        """Displacement of every node [mm], (n, 3): the prior's and `steps` steps with the rest-state stiffness."""
-        nodes = contact_nodes(contact_displacement)
-        if not len(nodes):
-            return np.zeros((self.prior.mesh.n_points, 3), dtype=np.float32)
+    def predict(self, nodes: AnyArray, displacements: AnyArray) -> Float32Array:
+        """Displacement of every node [mm], (n, 3): the prior's and `steps` steps with the rest-state stiffness.
+
+        Args:
+            nodes: contact nodes, distinct, shape (l,).
+            displacements: of each [mm], shape (l, 3).
+        """
         contact = self.prior.hold(nodes)
-        force = contact.solve(np.asarray(contact_displacement)[nodes].ravel())
+        force = contact.solve(np.asarray(displacements).ravel())
         unknowns = self.prior.respond_to_forces(contact, force).astype(np.float64)
         return self.prior.expand(self.at_rest_stiffness(unknowns, contact, self.steps))
 

@@ -39,12 +39,6 @@ FILES = (_ABOUT, _COMPLIANCE, _LEFT, _RIGHT, _OWN)
 PRIOR = Artefact("elastic prior", 1, "make the prior again (one in the cache is made anew by itself)")
 
 
-def contact_nodes(contact_displacement: AnyArray) -> IntArray:
-    """Nodes that a field of contact displacements (n, 3) moves."""
-    found: IntArray = np.flatnonzero(np.any(contact_displacement != 0.0, axis=1))
-    return found
-
-
 class ContactSystem:
     """Some contact nodes of a prior, held together: l nodes.
 
@@ -213,12 +207,9 @@ class ElasticPrior:
         """Displacement of every mesh node [mm], float32, shape (n, 3), for unknowns (D,), with finite rotations."""
         return self.coordinates.expand(unknowns)
 
-    def predict(self, contact_displacement: AnyArray) -> Float32Array:
-        """Displacement of every node [mm], shape (n, 3), from that of the contact nodes, zero elsewhere (n, 3)."""
-        nodes = contact_nodes(contact_displacement)
-        if not len(nodes):
-            return np.zeros((self.mesh.n_points, 3), dtype=np.float32)
-        unknowns, _ = self.respond(nodes, contact_displacement[nodes])
+    def predict(self, nodes: AnyArray, displacements: AnyArray) -> Float32Array:
+        """Displacement of every node [mm], shape (n, 3), from that of contact nodes; operands as in `respond`."""
+        unknowns, _ = self.respond(nodes, displacements)
         return self.expand(unknowns)
 
     def save(self, folder: Path | str, *, tolerance: float = 0.0) -> None:

@@ -5,17 +5,15 @@ Networks bring torch along; it is imported when one is loaded, never for a hybri
 
 from typing import TYPE_CHECKING, Any
 
-from mixpinn.serving.contact_input import contact_field
 from mixpinn.serving.contact_source import SampleAddress, read_contacts, read_sample
-from mixpinn.serving.hybrid_predictor import Assessment, HybridPredictor, ProbeAddress
+from mixpinn.serving.hybrid_predictor import HybridPredictor
 from mixpinn.serving.load import AnyPredictor, load_predictor
 
 if TYPE_CHECKING:
     from mixpinn.serving.predictor import Predictor
 
 __all__ = [
-    "AnyPredictor", "Assessment", "HybridPredictor", "Predictor", "ProbeAddress", "SampleAddress", "contact_field",
-    "load_predictor", "read_contacts", "read_sample",
+    "AnyPredictor", "HybridPredictor", "Predictor", "SampleAddress", "load_predictor", "read_contacts", "read_sample",
 ]
 
 

@@ -1,34 +1,15 @@
-"""What a prediction is made from: contact displacements as a field or as a list of nodes, checked."""
+"""What a prediction is made from: the contact nodes and their displacement, checked."""
 
 import numpy as np
 
-from mixpinn.base.arrays import AnyArray, Float32Array
+from mixpinn.base.arrays import AnyArray, Float32Array, IntArray
 from mixpinn.base.errors import InputError
 
 
-def checked_field(contact_displacement: AnyArray, *, n_nodes: int) -> Float32Array:
-    """A copy of a contact displacement field [mm], float32, shape (n, 3).
+def checked_contact(nodes: AnyArray, displacements: AnyArray, *, n_nodes: int) -> tuple[IntArray, Float32Array]:
+    """Contact nodes in ascending order, shape (c,), and the displacement of each [mm], float32, shape (c, 3).
 
-    Raises:
-        InputError: another shape, or values that are not finite.
-    """
-    field = np.asarray(contact_displacement)
-    if field.shape != (n_nodes, 3) or field.dtype.kind not in "fiu":
-        raise InputError(
-            "contact displacement", expected=f"numbers of shape {(n_nodes, 3)}", got=f"{field.dtype} {field.shape}",
-            fix="give one row for each node of the model's mesh",
-        )
-    field = np.array(field, dtype=np.float32)
-    if not np.isfinite(field).all():
-        raise InputError(
-            "contact displacement", expected="finite numbers", got=f"{int((~np.isfinite(field)).sum())} others",
-            fix="leave out contact nodes whose displacement is unknown",
-        )
-    return field
-
-
-def contact_field(nodes: AnyArray, displacements: AnyArray, *, n_nodes: int) -> Float32Array:
-    """Spread a list of contact nodes over the mesh: their displacement, zero elsewhere [mm], float32, shape (n, 3).
+    Nodes that are held at exactly zero are contact nodes like any other.
 
     Args:
         nodes: ids of the contact nodes, each once, shape (c,).
@@ -55,10 +36,12 @@ def contact_field(nodes: AnyArray, displacements: AnyArray, *, n_nodes: int) -> 
             "contact nodes", expected=f"ids from 0 to {n_nodes - 1}", got=f"{unknown[:5].tolist()}",
             fix="use the node numbers of the model's mesh.vtu",
         )
-    ids, counts = np.unique(nodes, return_counts=True)
-    if (counts > 1).any():
+    order = np.argsort(nodes, kind="stable")
+    ids = nodes[order].astype(np.int64)
+    repeated = ids[1:][ids[1:] == ids[:-1]]
+    if len(repeated):
         raise InputError(
-            "contact nodes", expected="each node once", got=f"{ids[counts > 1][:5].tolist()} repeatedly",
+            "contact nodes", expected="each node once", got=f"{np.unique(repeated)[:5].tolist()} repeatedly",
             fix="keep one row for each node",
         )
     wrong = int((~np.isfinite(displacements)).sum())
@@ -67,6 +50,17 @@ def contact_field(nodes: AnyArray, displacements: AnyArray, *, n_nodes: int) -> 
             "contact displacements", expected="finite numbers", got=f"{wrong} others",
             fix="leave out contact nodes whose displacement is unknown",
         )
+    return ids, displacements[order].astype(np.float32)
+
+
+def spread(nodes: IntArray, displacements: Float32Array, *, n_nodes: int) -> Float32Array:
+    """The displacement of contact nodes, zero elsewhere [mm], float32, shape (n, 3): what networks read.
+
+    Args:
+        nodes: contact nodes, shape (c,).
+        displacements: of each [mm], shape (c, 3).
+        n_nodes: number n of mesh nodes.
+    """
     field = np.zeros((n_nodes, 3), dtype=np.float32)
     field[nodes] = displacements
     return field

@@ -2,67 +2,24 @@
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mixpinn.base.arrays import AnyArray, Float32Array, FloatArray
+from mixpinn.base.arrays import AnyArray, Float32Array, FloatArray, IntArray
 from mixpinn.base.errors import InputError
 from mixpinn.geometry.probe_pose import probe_rotation
-from mixpinn.records import Prediction, TissueMesh
+from mixpinn.records import TissueMesh
+from mixpinn.records.answer import Answer, Contact, Source, Trust, discretisation_of
 from mixpinn.reduced.hybrid import POSE_FILE, HybridModel, HybridState, load_bundle_mesh
-from mixpinn.reduced.prior import contact_nodes
-from mixpinn.serving.contact_input import checked_field, contact_field
+from mixpinn.serving.contact_input import checked_contact
+from mixpinn.serving.motions import motions_of_field, motions_of_twists
 
 if TYPE_CHECKING:
-    from mixpinn.press.model import PoseModel, PosePrediction
-    from mixpinn.press.records import ContactHistory
-
-
-@dataclass(frozen=True, eq=False)
-class Assessment:
-    """What to think of a prediction.
-
-    Attributes:
-        expected: expected mean Euclidean error [mm].
-        bound: what it stays below with probability `level` [mm].
-        level: probability of the bound.
-        outside: whether the input lies outside of what the model has seen; the two figures mean little then.
-        milliseconds: what the assessment cost [ms].
-    """
-
-    expected: float
-    bound: float
-    level: float
-    outside: bool
-    milliseconds: float
-
-
-@dataclass(frozen=True)
-class ProbeAddress:
-    """A pose of the probe: position of its tip [mm] and rotation about its pressing direction −y [degree]."""
-
-    tip: tuple[float, float, float]
-    rotation_deg: float = 0.0
-
-    @staticmethod
-    def read(text: str, rotation_deg: float) -> "ProbeAddress":
-        """From 'x,y,z'.
-
-        Raises:
-            InputError: not three finite numbers.
-        """
-        try:
-            x, y, z = (float(word) for word in text.split(","))
-        except ValueError:
-            x = y = z = np.nan
-        if not np.isfinite([x, y, z, rotation_deg]).all():
-            raise InputError(
-                "tip", expected="three numbers 'x,y,z' [mm]", got=repr(text), fix="for example --tip=-10,120.5,35",
-            )
-        return ProbeAddress((x, y, z), rotation_deg)
+    from mixpinn.press.model import PoseModel
+    from mixpinn.press.records import ContactPrediction
 
 
 class HybridPredictor:
@@ -94,14 +51,16 @@ class HybridPredictor:
     @staticmethod
     def load(
         folder: Path | str, *, mesh: TissueMesh | None = None, threads: int | None = None, name: str | None = None,
+        warm_up: bool = True,
     ) -> "HybridPredictor":
-        """Read a bundle and make one prediction, so that the next one is not slowed down by compilation.
+        """Read a bundle.
 
         Args:
             folder: what fitting the hybrid model wrote.
             mesh: the mesh that it is to be used on; None takes the folder's own.
             threads: for the predictor of a network; a hybrid prediction runs in the thread that asks for it.
             name: for tables.
+            warm_up: make one prediction, so that the next one is not slowed down by compilation.
 
         Raises:
             InputError: the folder is incomplete, damaged, or of another mesh.
@@ -116,11 +75,10 @@ class HybridPredictor:
             pose = load_pose_model(folder, model)
         predictor = HybridPredictor(model, pose=pose, threads=threads)
         predictor.name = name or model.name
-        warm = np.zeros((model.mesh.n_points, 3), dtype=np.float32)
-        warm[model.prior.nodes[:2], 1] = -0.1
-        predictor.predict(warm)
-        if pose is not None:
-            predictor.press(model.mesh.points[model.prior.nodes].max(axis=0)[None])
+        if warm_up:
+            predictor.predict(model.prior.nodes[:2], np.tile([0.0, -0.1, 0.0], (2, 1)))
+            if pose is not None:
+                predictor.press(model.mesh.points[model.prior.nodes].max(axis=0))
         predictor.loading_seconds = time.perf_counter() - began
         return predictor
 
@@ -129,92 +87,102 @@ class HybridPredictor:
         """Identity of the mesh."""
         return self.mesh.hash()
 
-    def predict(self, contact_displacement: AnyArray) -> Float32Array:
+    def predict(self, nodes: AnyArray, displacements: AnyArray) -> Float32Array:
         """Displacement of every mesh node [mm], float32, shape (n, 3).
 
         Args:
-            contact_displacement: of the contact nodes, zero elsewhere [mm], shape (n, 3).
+            nodes: ids of the contact nodes, each once, shape (c,).
+            displacements: displacement of each of them [mm], shape (c, 3).
 
         Raises:
-            InputError: another shape, values that are not finite, or nodes that the prior was not prepared for.
+            InputError: unknown or repeated nodes or such that the prior was not prepared for, another shape, or
+                values that are not finite.
         """
-        field = checked_field(contact_displacement, n_nodes=self.mesh.n_points)
-        return self.model.predict(field)
+        return self.model.expand(self._state(nodes, displacements))
 
-    def predict_at(
-        self, nodes: AnyArray, displacements: AnyArray, *, reference: AnyArray | None = None,
-    ) -> Prediction:
-        """Predict from a list of contact nodes: ids (c,), displacements [mm] (c, 3); reference [mm] (n, 3) if known.
-
-        Raises:
-            InputError: unknown or repeated nodes, another shape, or values that are not finite.
-        """
-        field = contact_field(nodes, displacements, n_nodes=self.mesh.n_points)
-        return Prediction(self.mesh, self.predict(field), reference, self.name)
-
-    def press(
-        self, tips: AnyArray, *, rotation_deg: AnyArray | None = None, rotations: AnyArray | None = None,
-        direction: Sequence[float] = (0.0, -1.0, 0.0), history: "ContactHistory | None" = None,
-    ) -> "PosePrediction":
-        """Deformation from the poses of one or several probes that press at the same time.
-
-        Without a history each probe came straight along its axis, and the answer does not depend on what was asked
-        before. With the `contact.history` of an earlier answer friction remembers where the skin was gripped.
+    def predict_at(self, nodes: AnyArray, displacements: AnyArray, *, reference: AnyArray | None = None) -> Answer:
+        """The whole answer to contact displacements; operands and errors as in `predict`.
 
         Args:
-            tips: position of each probe's tip [mm], shape (k, 3).
-            rotation_deg: rotation of each about its pressing direction [degree], shape (k,); zero by default.
-            direction: in which all press that are given by their `rotation_deg`, shape (3,).
-            rotations: rotation matrix of each instead, shape (k, 3, 3).
-            history: of an earlier answer.
+            nodes, displacements: as in `predict`.
+            reference: what is to be predicted, if known [mm], shape (n, 3).
+        """
+        state = self._state(nodes, displacements)
+        return Answer(
+            self.mesh, self.model.expand(state), Source.HYBRID_CONTACT, model=self.name,
+            motions=motions_of_twists(self.mesh, self.model.prior.coordinates.twists(state.unknowns)),
+            contact=Contact(*self._checked(nodes, displacements)), trust=self._trust(state),
+            discretisation=discretisation_of(self.mesh), reference=reference,
+        )
+
+    def press(
+        self, tip: AnyArray | Sequence[float], *, rotation_deg: AnyArray | float = 0.0,
+        direction: Sequence[float] = (0.0, -1.0, 0.0), rotation: AnyArray | None = None,
+        history: object | None = None,
+    ) -> Answer:
+        """The whole answer to the probe's pose.
+
+        Without a history the probe came straight along its axis, and the answer does not depend on what was asked
+        before. With the history of an earlier answer friction remembers where the skin was gripped.
+
+        Args:
+            tip: where the probe's tip ends, world [mm], shape (3,); (k, 3) for k probes that press at the same time.
+            rotation_deg: rotation of the probe about the pressing direction [degree]; shape (k,) for k probes.
+            direction: where it presses to, of any length, shape (3,).
+            rotation: rotation matrix of the probe instead of these two, shape (3, 3); (k, 3, 3) for k probes.
+            history: `Answer.history` of an earlier answer.
 
         Raises:
-            InputError: a bundle without contact from the pose, or poses that are not finite or no rotations.
+            InputError: a bundle without contact from the pose, a pose that is not finite or no rotation, or the
+                history of something else.
         """
         if self.pose is None:
             raise InputError(
                 self.name, expected="a bundle that takes poses", got="one that was made without a probe",
-                fix="fit the hybrid model on simulations of this project",
+                fix="fit the hybrid model on simulations that know their probe",
             )
-        tips = np.asarray(tips, dtype=np.float64).reshape(-1, 3)
-        if rotations is None:
-            degrees = np.zeros(len(tips)) if rotation_deg is None else np.asarray(rotation_deg, dtype=np.float64)
-            rotations = probe_rotation(degrees.reshape(-1), direction)
-        return self.pose.predict(rotations, tips, probes=[0] * len(tips), history=history)
+        from mixpinn.press.records import ContactHistory
 
-    def assess(self, nodes: AnyArray, displacements: AnyArray) -> Assessment | None:
-        """Which error to expect of the prediction from these contact nodes; None where the model is not calibrated.
-
-        Raises:
-            InputError: as `predict_at`.
-        """
-        if self.model.error is None:
-            return None
-        state = self._state(nodes, displacements)
-        began = time.perf_counter()
-        signs = self.model.signs(state)
-        error = self.model.error
-        return Assessment(
-            error.expected(signs), error.bound(signs), error.level, error.outside(signs),
-            1e3 * (time.perf_counter() - began),
+        if history is not None and not isinstance(history, ContactHistory):
+            raise InputError(
+                "history", expected="that of this predictor's answer", got=type(history).__name__,
+                fix="hand over the history of an answer of the same predictor",
+            )
+        tips = np.asarray(tip, dtype=np.float64)
+        places = tips.reshape(-1, 3)
+        if rotation is None:
+            rotation = probe_rotation(np.broadcast_to(rotation_deg, len(places)), direction)
+        turns = np.asarray(rotation, dtype=np.float64).reshape(-1, 3, 3)
+        found = self.pose.predict(turns, places, probes=[0] * len(places), history=history)
+        contact, wrench = found.contact, found.wrench if tips.ndim > 1 else found.wrench[0]
+        return Answer(
+            self.mesh, found.displacement, Source.HYBRID_POSE, model=self.name, force=wrench[..., :3],
+            moment=wrench[..., 3:], motions=motions_of_twists(self.mesh, found.twists),
+            contact=Contact(contact.nodes, contact.displacement, contact.forces),
+            trust=self._trust_of_contact(contact), discretisation=discretisation_of(self.mesh),
+            history=contact.history,
         )
 
-    def refine(self, nodes: AnyArray, displacements: AnyArray, steps: int) -> tuple[Prediction, FloatArray]:
+    def assess(self, nodes: AnyArray, displacements: AnyArray) -> Trust:
+        """What to think of the prediction from these contact nodes; operands and errors as in `predict`."""
+        return self._trust(self._state(nodes, displacements))
+
+    def refine(self, nodes: AnyArray, displacements: AnyArray, steps: int) -> tuple[Answer, FloatArray]:
         """Steps of the true solver from the prediction, down to the finite-element solution. Imports the solver.
 
         Args:
-            nodes, displacements: as `predict_at`.
+            nodes, displacements: as in `predict`.
             steps: Newton steps, each with a factorization.
 
         Returns:
-            The refined prediction, and the residual relative to the contact force before each step and after the last.
+            The refined answer, and the residual relative to the contact force before each step and after the last.
 
         Raises:
-            InputError: as `predict_at`, or a negative number of steps.
+            InputError: as in `predict`, or a negative number of steps.
         """
         if steps < 0:
             raise InputError("steps", expected="0 or more", got=str(steps), fix="give how many Newton steps to take")
-        from mixpinn.fem import StableNeoHookean
+        from mixpinn.fem import SolverConfig, StableNeoHookean
         from mixpinn.reduced.newton_steps import NewtonSteps
 
         equilibrium = self.model.newton.equilibrium
@@ -223,15 +191,37 @@ class HybridPredictor:
             for mu, lam in zip(equilibrium.mu, equilibrium.lam, strict=True)
         ]
         state = self._state(nodes, displacements)
-        field, history = NewtonSteps(self.model.prior, materials).refine(state.unknowns, state.contact, steps)
-        return Prediction(self.mesh, field, None, f"{self.name}, refined"), history
+        field, residuals = NewtonSteps(self.model.prior, materials).refine(state.unknowns, state.contact, steps)
+        answer = Answer(
+            self.mesh, field, Source.REFINED, model=f"{self.name}, refined",
+            motions=motions_of_field(self.mesh, field), contact=Contact(*self._checked(nodes, displacements)),
+            trust=Trust(converged=bool(residuals[-1] <= SolverConfig().tolerance), residual=float(residuals[-1])),
+            discretisation=discretisation_of(self.mesh),
+        )
+        return answer, residuals
+
+    def _checked(self, nodes: AnyArray, displacements: AnyArray) -> tuple[IntArray, Float32Array]:
+        return checked_contact(nodes, displacements, n_nodes=self.mesh.n_points)
 
     def _state(self, nodes: AnyArray, displacements: AnyArray) -> HybridState:
-        field = contact_field(nodes, displacements, n_nodes=self.mesh.n_points)
-        found = contact_nodes(field)
-        if not len(found):
-            raise InputError(
-                "contact displacements", expected="at least one that is not zero", got="zeros",
-                fix="give the displacement of the nodes that the probe moves",
-            )
-        return self.model.solve(found, field[found])
+        held, moved = self._checked(nodes, displacements)
+        return self.model.solve(held, moved)
+
+    def _trust(self, state: HybridState, *, converged: bool = True) -> Trust:
+        """From what the equilibrium says of a prediction; errors are unknown where the model is not calibrated."""
+        reasons = () if converged else ("contact did not converge",)
+        error = self.model.error
+        if error is None:
+            return Trust(converged=converged, reasons=reasons)
+        signs = self.model.signs(state)
+        outside = error.outside(signs)
+        if outside:
+            reasons = (*reasons, "the deformation lies outside of what the model has seen")
+        return Trust(error.expected(signs), error.bound(signs), error.level, outside, reasons, converged)
+
+    def _trust_of_contact(self, contact: "ContactPrediction") -> Trust:
+        """Of a pose: the expected error is that of given contact, which says nothing of contact itself."""
+        if not len(contact.nodes):
+            return Trust(converged=contact.converged)
+        trust = self._trust(self._state(contact.nodes, contact.displacement), converged=contact.converged)
+        return replace(trust, expected=None, bound=None, level=None)

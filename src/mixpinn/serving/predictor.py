@@ -1,6 +1,7 @@
 """Predictor: load a trained model once, predict many times."""
 
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,8 +12,10 @@ from mixpinn.base.arrays import AnyArray, Float32Array
 from mixpinn.base.errors import InputError
 from mixpinn.graph import MeshGraph
 from mixpinn.networks import DisplacementModel, ModelConfig, load_checkpoint, load_network_mesh, model_name
-from mixpinn.records import Prediction, TissueMesh
-from mixpinn.serving.contact_input import checked_field, contact_field
+from mixpinn.records import TissueMesh
+from mixpinn.records.answer import Answer, Contact, Source, discretisation_of
+from mixpinn.serving.contact_input import checked_contact, spread
+from mixpinn.serving.motions import motions_of_field
 
 if TYPE_CHECKING:
     from mixpinn.evaluation import VirtualTopology
@@ -46,14 +49,16 @@ class Predictor:
     @staticmethod
     def load(
         folder: Path | str, *, mesh: TissueMesh | None = None, threads: int | None = None, name: str | None = None,
+        warm_up: bool = True,
     ) -> "Predictor":
-        """Read a model folder and make one prediction, so that the next one is not slowed down by compilation.
+        """Read a model folder.
 
         Args:
             folder: what training wrote.
             mesh: the mesh that it is to be used on; None takes the folder's own.
             threads: CPU threads of a prediction; None leaves them as they are.
             name: for tables; None takes the name of the model's configuration, else the folder's.
+            warm_up: make one prediction, so that the next one is not slowed down by compilation.
 
         Raises:
             InputError: the folder is incomplete, damaged, or of another topology.
@@ -66,33 +71,34 @@ class Predictor:
         model, graph, config = load_checkpoint(folder, mesh=mesh)
         name = name or model_name(config) or Path(folder).resolve().name
         predictor = Predictor(model, graph, config, mesh, name=name, threads=threads)
-        predictor.predict(np.zeros((mesh.n_points, 3), dtype=np.float32))
+        if warm_up:
+            predictor.predict(np.zeros(1, dtype=np.int64), np.zeros((1, 3)))
         predictor.loading_seconds = time.perf_counter() - began
         return predictor
 
-    def predict(self, contact_displacement: AnyArray) -> Float32Array:
+    def predict(self, nodes: AnyArray, displacements: AnyArray) -> Float32Array:
         """Displacement of every mesh node [mm], float32, shape (n, 3).
 
         Args:
-            contact_displacement: of the contact nodes, zero elsewhere [mm], shape (n, 3).
+            nodes: ids of the contact nodes, each once, shape (c,).
+            displacements: displacement of each of them [mm], shape (c, 3).
 
         Raises:
-            InputError: another shape, or values that are not finite.
+            InputError: unknown or repeated nodes, another shape, or values that are not finite.
         """
-        return self.predict_with_virtual(contact_displacement)[: self.graph.n_mesh_nodes]
+        return self.predict_with_virtual(nodes, displacements)[: self.graph.n_mesh_nodes]
 
-    def predict_with_virtual(self, contact_displacement: AnyArray) -> Float32Array:
-        """Displacement of mesh and virtual nodes [mm], float32, shape (N, 3); operand and errors as in `predict`."""
-        field = checked_field(contact_displacement, n_nodes=self.graph.n_mesh_nodes)
+    def predict_with_virtual(self, nodes: AnyArray, displacements: AnyArray) -> Float32Array:
+        """Displacement of mesh and virtual nodes [mm], float32, shape (N, 3); operands and errors as in `predict`."""
+        n_nodes = self.graph.n_mesh_nodes
+        field = spread(*checked_contact(nodes, displacements, n_nodes=n_nodes), n_nodes=n_nodes)
         if self.threads is not None and torch.get_num_threads() != self.threads:
             torch.set_num_threads(self.threads)
         with torch.inference_mode():
             return self._model(torch.from_numpy(field)[None])[0].numpy()
 
-    def predict_at(
-        self, nodes: AnyArray, displacements: AnyArray, *, reference: AnyArray | None = None,
-    ) -> Prediction:
-        """Predict from a list of contact nodes.
+    def predict_at(self, nodes: AnyArray, displacements: AnyArray, *, reference: AnyArray | None = None) -> Answer:
+        """The whole answer to contact displacements; a network knows neither forces nor its own error.
 
         Args:
             nodes: ids of the contact nodes, each once, shape (c,).
@@ -102,8 +108,23 @@ class Predictor:
         Raises:
             InputError: unknown or repeated nodes, another shape, or values that are not finite.
         """
-        field = contact_field(nodes, displacements, n_nodes=self.graph.n_mesh_nodes)
-        return Prediction(self.mesh, self.predict(field), reference, self.name)
+        held, moved = checked_contact(nodes, displacements, n_nodes=self.graph.n_mesh_nodes)
+        field = self.predict(held, moved)
+        return Answer(
+            self.mesh, field, Source.NETWORK, model=self.name, motions=motions_of_field(self.mesh, field),
+            contact=Contact(held, moved), discretisation=discretisation_of(self.mesh), reference=reference,
+        )
+
+    def press(self, tip: AnyArray | Sequence[float], *, rotation_deg: float = 0.0) -> Answer:
+        """A network takes contact displacements, not the probe's pose.
+
+        Raises:
+            InputError: always.
+        """
+        raise InputError(
+            self.name, expected="a hybrid model, which takes the probe's pose", got="a network",
+            fix="give contact displacements, or train with --model hybrid",
+        )
 
     @property
     def mesh_hash(self) -> str:

@@ -54,6 +54,17 @@ class AnatomyConfig:
     seed: int | None = None
 
 
+def source_settings(source: Path | str) -> dict[str, str | None]:
+    """The settings of `AnatomyConfig` that say what `source` is.
+
+    Args:
+        source: ``phantom``, a folder of NIfTIs, or one multi-label NIfTI.
+    """
+    if str(source) == "phantom":
+        return {"source": "phantom", "path": None}
+    return {"source": "folder" if Path(source).is_dir() else "multilabel", "path": str(source)}
+
+
 @dataclass(frozen=True, eq=False)
 class AnatomyResult:
     """What the stage makes.

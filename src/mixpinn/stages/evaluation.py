@@ -7,12 +7,11 @@ from pathlib import Path
 
 from mixpinn.base.errors import InputError
 from mixpinn.base.files import hash_arrays
-from mixpinn.base.progress import console
 from mixpinn.base.rundir import finish_run, is_finished, leave_run, start_run, versions
 from mixpinn.dataset import GenerationSummary, SimulationStore, Split, dataset_table, held_out_samples
 from mixpinn.evaluation import (
+    Candidate,
     Case,
-    DisplacementModel,
     Picture,
     ReportContent,
     Table,
@@ -21,7 +20,6 @@ from mixpinn.evaluation import (
     evaluate,
     mesh_table,
     render_pictures,
-    results_table,
     typical_sample,
     write_report,
 )
@@ -121,9 +119,8 @@ def evaluate_models(
     if begun and is_finished(out) and (out / REPORT).is_file():
         leave_run(out)
         evaluations = [Evaluation.load(path) for path in sorted(out.glob("evaluation-*.json"))]
-        console.print(results_table(evaluations, with_paper=config.with_paper).rich())
         return tuple(evaluations), out / REPORT
-    candidates: list[DisplacementModel] = [ZeroModel()]
+    candidates: list[Candidate] = [ZeroModel(mesh.n_points)]
     if materials is not None and config.prior:
         prior = cached_prior(mesh, materials, touched=table.contact_nodes)
         candidates.append(prior)
@@ -140,7 +137,7 @@ def evaluate_models(
         shown = _shown(candidates, evaluations)
         index = typical_sample(evaluations[shown])
         case = Case.of(
-            mesh, test, index, candidates[shown].predict(test.contact_field(index)), model=candidates[shown].name,
+            mesh, test, index, candidates[shown].predict(*test.contact(index)), model=candidates[shown].name,
             probe=store.probe(),
         )
         pictures, note = render_pictures(case, out)
@@ -158,7 +155,6 @@ def evaluate_models(
         },
         with_paper=config.with_paper, seed=config.seed,
     ))
-    console.print(results_table(evaluations, with_paper=config.with_paper).rich())
     finish_run(out, {evaluation.model: float(evaluation.metrics["mee"].mean()) for evaluation in evaluations})
     return tuple(evaluations), report
 
@@ -182,7 +178,7 @@ def _load(folder: Path | str, mesh: TissueMesh, threads: int | None) -> AnyPredi
     return predictor
 
 
-def _shown(candidates: Sequence[DisplacementModel], evaluations: Sequence[Evaluation]) -> int:
+def _shown(candidates: Sequence[Candidate], evaluations: Sequence[Evaluation]) -> int:
     """Index of the trained model with the lowest error; of the last candidate where none was trained."""
     trained = [i for i, model in enumerate(candidates) if isinstance(model, (Predictor, HybridPredictor))]
     return min(trained, key=lambda i: float(evaluations[i].metrics["mee"].mean()), default=len(candidates) - 1)

@@ -1,14 +1,13 @@
 """The simulation stage: a mesh and a protocol in, a store of simulated poses out."""
 
 import os
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Literal
 
 from mixpinn.base.arrays import FloatArray
 from mixpinn.base.config import build_config
 from mixpinn.base.errors import InputError
-from mixpinn.base.progress import console
 from mixpinn.base.rundir import finish_run, start_run
 from mixpinn.dataset import (
     ANATOMY,
@@ -169,19 +168,43 @@ def plan(mesh: TissueMesh, config: SimulationConfig, probe: Probe) -> tuple[Floa
     return positions, plan_poses(positions, config.protocol, mesh=mesh, probe=probe, gap=config.contact.gap)
 
 
-def begin_simulations(mesh: TissueMesh, config: SimulationConfig, *, out: Path) -> tuple[Scene, SimulationStore]:
+def settings_of_scene(scene: Scene, protocol: Protocol) -> SimulationConfig:
+    """The settings with which `make_simulations` simulates `scene`; the probe is the scene's own.
+
+    Materials of the user's own class have no settings; the record of the scene names them.
+    """
+    return SimulationConfig(
+        tissues={
+            name: TissueConfig.of_material(material)
+            for name, material in zip(scene.mesh.tissue_names, scene.materials, strict=True)
+            if isinstance(material, tuple(_LAWS.values()))
+        },
+        protocol=protocol, contact=scene.contact, solver=replace(scene.solver, threads=scene.solver.threads or 1),
+    )
+
+
+def begin_simulations(
+    mesh: TissueMesh, config: SimulationConfig, *, out: Path, scene: Scene | None = None,
+) -> tuple[Scene, SimulationStore]:
     """Open the run directory `out`: the scene, and the store that its poses go to.
+
+    Args:
+        mesh: the mesh.
+        config: what is simulated.
+        out: run directory.
+        scene: the scene of these settings, with a probe that lies in no file; None makes it.
 
     Raises:
         InputError: bad settings, or `out` holds another run.
     """
-    scene = make_scene(mesh, config)
+    own_probe = {} if scene is None else {"probe": scene.probe.hash()}
+    scene = scene or make_scene(mesh, config)
     inputs = {name: path for name, path in (("probe", config.probe), ("positions", config.positions)) if path}
     settings = asdict(config)
     del settings["workers"]  # decides when, not what
 
     def start() -> None:
-        start_run(out, "simulate", settings, inputs=inputs, input_hashes={"mesh": mesh.hash()})
+        start_run(out, "simulate", settings, inputs=inputs, input_hashes={"mesh": mesh.hash(), **own_probe})
 
     if (out / STORE / "store.json").exists():
         start()
@@ -199,6 +222,7 @@ def begin_simulations(mesh: TissueMesh, config: SimulationConfig, *, out: Path) 
 
 def make_simulations(
     mesh: TissueMesh, config: SimulationConfig, *, out: Path | str, scheduler: str | None = None,
+    scene: Scene | None = None,
 ) -> tuple[SimulationStore, GenerationSummary]:
     """Simulate every pose of the protocol into the run directory `out`; finished poses are kept.
 
@@ -207,12 +231,13 @@ def make_simulations(
         config: what is simulated.
         out: run directory: ``store/``, ``summary.json``, ``poses.png``.
         scheduler: address of a Dask scheduler whose workers are used instead of this machine's cores.
+        scene: the scene of these settings, with a probe that lies in no file; None makes it.
 
     Raises:
         InputError: bad settings, a probe that starts inside the body, or `out` holds another run.
     """
     out = Path(out)
-    scene, store = begin_simulations(mesh, config, out=out)
+    scene, store = begin_simulations(mesh, config, out=out, scene=scene)
     summary = generate(
         scene, store.poses, store, workers=config.workers or os.cpu_count() or 1, threads=scene.solver.threads or 1,
         scheduler=scheduler,
@@ -226,5 +251,4 @@ def make_simulations(
         )
     save_pose_map(store, out / "poses.png")
     finish_run(out, summary.totals())
-    console.print(summary.markdown())
     return store, summary

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from mixpinn.base.arrays import IntArray
+from mixpinn.base.config import build_config
 from mixpinn.base.errors import InputError, MixpinnError
 from mixpinn.base.files import hash_arrays, read_json, write_json
 from mixpinn.base.progress import console
@@ -17,7 +18,7 @@ from mixpinn.base.rundir import RECORD, finish_run, start_run
 from mixpinn.dataset import SimulationStore, Split
 from mixpinn.evaluation import ZeroModel
 from mixpinn.records import SampleTable, TissueMesh
-from mixpinn.stages.anatomy import make_anatomy
+from mixpinn.stages.anatomy import AnatomyConfig, make_anatomy, source_settings
 from mixpinn.stages.mesh import load_mesh, make_mesh
 from mixpinn.stages.prior import cached_prior
 from mixpinn.stages.simulation import STORE, make_simulations, settings_of
@@ -124,9 +125,7 @@ def _simulations(
     if path.suffix == ".vtu" or (path / "mesh.vtu").is_file():
         mesh = load_mesh(path)
     else:
-        anatomy = replace(config.anatomy, source="phantom", path=None)
-        if str(source) != "phantom":
-            anatomy = replace(config.anatomy, source="folder" if path.is_dir() else "multilabel", path=str(source))
+        anatomy = build_config(AnatomyConfig, asdict(config.anatomy), source_settings(source))
         label_map = make_anatomy(anatomy, out=out / "anatomy").label_map
         mesh = make_mesh(label_map, config.mesh, out=out / "mesh").mesh
     settings = replace(config.simulation, workers=workers)
@@ -167,7 +166,7 @@ def _prepare(
 def _baselines(store: SimulationStore, mesh: TissueMesh, table: SampleTable, out: Path) -> None:
     """Evaluate on every test set what needs no training."""
     folders: list[tuple[str, Callable[[], object]]] = [
-        ("no-motion", ZeroModel),
+        ("no-motion", lambda: ZeroModel(mesh.n_points)),
         ("elastic-prior", lambda: cached_prior(
             mesh, store.materials(), touched=_contacts(out, table),
         )),

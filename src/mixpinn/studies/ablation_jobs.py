@@ -133,9 +133,9 @@ def evaluate_once(
     model: object, folder: Path, test_set: str, mesh: TissueMesh, *, path: Path, notes: dict[str, object],
 ) -> Evaluation:
     """Evaluate on a test set, or read the evaluation that was made of the same weights and samples."""
-    from mixpinn.evaluation import DisplacementModel
+    from mixpinn.evaluation import Candidate
 
-    assert isinstance(model, DisplacementModel)
+    assert isinstance(model, Candidate)
     if path.exists():
         before = Evaluation.load(path)
         if all(before.notes.get(key) == value for key, value in notes.items()):

@@ -143,9 +143,9 @@ def _prior(name: str, mesh: TissueMesh, samples: SampleTable, config: ProfileCon
     torch.set_num_threads(config.threads)
     seconds = []
     for turn in range(-2, config.repeats):
-        field = samples.contact_field(turn % len(samples))
+        contact = samples.contact(turn % len(samples))
         began = time.perf_counter()
-        prior.predict(field)
+        prior.predict(*contact)
         if turn >= 0:
             seconds.append(time.perf_counter() - began)
     depth = samples.depth[np.arange(config.repeats) % len(samples)]

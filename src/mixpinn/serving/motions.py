@@ -1,0 +1,28 @@
+"""Motions of the rigid parts, by name: from the reduced unknowns of a model, or read off a displacement field."""
+
+import numpy as np
+
+from mixpinn.base.arrays import AnyArray, FloatArray
+from mixpinn.geometry.rigid_fit import fit_rotation
+from mixpinn.geometry.rotations import rotation_from_vector, vector_from_rotation
+from mixpinn.records import TissueMesh
+from mixpinn.records.answer import Motion
+
+
+def motions_of_twists(mesh: TissueMesh, twists: FloatArray) -> dict[str, Motion]:
+    """Motions from translations of the centroids [mm] and rotation vectors [rad] of all parts, shape (K, 6)."""
+    return {
+        name: Motion(twist[:3], twist[3:], rotation_from_vector(twist[3:]))
+        for name, twist in zip(mesh.rigid_names, np.asarray(twists, dtype=np.float64), strict=True)
+    }
+
+
+def motions_of_field(mesh: TissueMesh, displacement: AnyArray) -> dict[str, Motion]:
+    """The rigid motion of each part that is nearest to a field [mm], shape (n, 3), by least squares."""
+    motions = {}
+    for k, name in enumerate(mesh.rigid_names, start=1):
+        rest = mesh.points[mesh.part_nodes(k)]
+        moved = rest + np.asarray(displacement, dtype=np.float64)[mesh.part_nodes(k)]
+        rotation = fit_rotation(rest, moved)
+        motions[name] = Motion((moved - rest).mean(axis=0), vector_from_rotation(rotation), rotation)
+    return motions
