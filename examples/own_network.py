@@ -26,9 +26,7 @@ scene = Scene(mesh, linear_probe(length=40.0))
 protocol = replace(TINY, rotations=(0.0,), max_positions=2)
 positions = grid_positions(mesh, protocol)
 simulations = [
-    simulate_pose(
-        scene, probe_path(pose.position, 0.0, protocol), position_index=pose.position_index, rotation_deg=0.0,
-    )
+    simulate_pose(scene, probe_path(pose.position, 0.0, protocol), position_index=pose.position_index, rotation_deg=0.0)
     for pose in plan_poses(positions, protocol, mesh=mesh, probe=scene.probe, gap=scene.contact.gap)
 ]
 table = table_of(simulations)
@@ -65,8 +63,7 @@ class Averaging(torch.nn.Module):
 
     def predict(self, nodes, displacements):
         """What `evaluate` calls."""
-        contact = torch.zeros_like(self.place)
-        contact[torch.from_numpy(nodes)] = torch.from_numpy(displacements)
+        contact = torch.zeros_like(self.place).index_add(0, torch.tensor(nodes), torch.tensor(displacements))
         with torch.no_grad():
             return self(contact).numpy()
 

@@ -19,7 +19,8 @@ def answer_contacts(predictor: AnyPredictor, source: Path | str | SampleAddress)
         InputError: the contacts are unreadable, unknown to the mesh or not finite, or the store has no such sample.
 
     Example:
-        >>> answer_contacts(mx.load("runs/model"), "contacts.csv").save("deformed.vtu")
+        >>> from mixpinn.face import load
+        >>> answer_contacts(load("runs/model"), "contacts.csv").save("deformed.vtu")
     """
     if not isinstance(source, SampleAddress):
         return predictor.predict_at(*read_contacts(source))
