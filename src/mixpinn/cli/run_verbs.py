@@ -81,9 +81,9 @@ def seal(
 
     sealed = seal_folder(folder)
     for where, artefact in sealed:
-        console.print(f"{where}: manifest of a {artefact.kind}")
+        say(f"{where}: manifest of a {artefact.kind}")
     if not sealed:
-        console.print(f"{folder} has its manifest")
+        say(f"{folder} has its manifest")
 
 
 @export_app.command("sofa")
