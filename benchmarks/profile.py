@@ -3,7 +3,7 @@
 ``python -m benchmarks.profile`` prints the tables of ``mixpinn profile`` and, as its last line, a JSON list with one
 object a mesh and method. It takes the paper's mesh and the label maps of its patient, found by the environment variable
 MIXPINN_DATA (default ``../shared/data``); where they are absent, three meshes of the built-in phantom serve. Meshes and
-measurements lie in ``--out``, so that a command that was stopped goes on.
+measurements lie in ``--out``, so that a command that was stopped continues.
 """
 
 import argparse

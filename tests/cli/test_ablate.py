@@ -1,4 +1,4 @@
-"""The paper's experiments at toy size through the command line: killed and gone on with, and repeated elsewhere."""
+"""The paper's experiments at toy size through the command line: killed and continued, and repeated elsewhere."""
 
 import json
 import subprocess
@@ -12,7 +12,7 @@ from pipeline.chain import command, contents, done
 
 PATIENCE = 600.0
 SETTINGS = {
-    "rows": ["row-10"], "repeated": [], "seeds": [3], "few_positions": [2], "hidden": 4, "physgnn_hidden": 4,
+    "models": ["row-10"], "repeated": [], "seeds": [3], "few_positions": [2], "hidden": 4, "physgnn_hidden": 4,
     "passes": 24, "deepest_seen": 2.0, "unseen_rotations": [], "other_probe": {"rotations": [0.0]},
 }
 
@@ -28,7 +28,7 @@ def words(chain, folder, out, **settings):
 
 @pytest.fixture(scope="module")
 def table(chain, tmp_path_factory):
-    """A table whose trainings were killed when the first had an epoch, and then gone on with."""
+    """A table whose trainings were killed when the first had an epoch, and then continued."""
     folder = tmp_path_factory.mktemp("ablate")
     given, out = words(chain, folder, folder / "table"), folder / "table"
     process = subprocess.Popen(
@@ -120,14 +120,14 @@ def test_tables_of_finished_runs_need_no_source(chain, table, tmp_path):
     given[1] = "nowhere"
     done(*given, "--tables-only")
     assert results(table)["tables"] == before
-    outcome = command(*given, "--tables-only", "--width", "5")
+    outcome = command(*given, "--tables-only", "--hidden", "5")
     assert outcome.code == 2
     assert "these settings" in outcome.lines[-1]
 
 
 def test_training_that_diverges_leaves_the_others_their_table(chain, scheduler, tmp_path):
     given = words(
-        chain, tmp_path, tmp_path / "table", rows=["row-10", "physgnn"], few_positions=[], physgnn_learning_rate=1e30,
+        chain, tmp_path, tmp_path / "table", models=["row-10", "physgnn"], few_positions=[], physgnn_learning_rate=1e30,
         other_probe=None,
     )
     outcome = command(*given, "--scheduler", scheduler)
@@ -140,7 +140,7 @@ def test_training_that_diverges_leaves_the_others_their_table(chain, scheduler, 
 @pytest.mark.parametrize(
     ("extra", "said"),
     [
-        (("--row", "row-14"), "row-14"), (("--protocol", "kitchen"), "desk, paper"),
+        (("--model", "row-14"), "row-14"), (("--protocol", "kitchen"), "desk, paper"),
         (("--set", "seeds=[0, 1]"), "another config"), (("--set", "few_positions=[99]"), "few_positions"),
         (("--scheduler", "tcp://127.0.0.1:1"), "Dask scheduler"), (("--devices", "0"), "devices"),
     ],

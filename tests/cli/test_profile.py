@@ -7,7 +7,7 @@ import pytest
 from pipeline.chain import command, done
 
 SETTINGS = {
-    "methods": ["row-1"], "hidden": 4, "repeats": 6,
+    "models": ["row-1"], "hidden": 4, "repeats": 6,
     "simulation": {"protocol": {
         "rotations": [0.0], "approach": 0.5, "step": 1.0, "steps": 3, "start": "touch", "max_positions": 1,
     }},

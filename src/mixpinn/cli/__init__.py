@@ -28,7 +28,7 @@ def main() -> None:
             raise
         _leave(f"{error.filename or 'output'}: {error.strerror}; free some space or choose another folder", 2)
     except KeyboardInterrupt:
-        _leave("stopped; the same command goes on from here", 130)
+        _leave("stopped; the same command continues from here", 130)
 
 
 def _leave(message: str, code: int) -> None:

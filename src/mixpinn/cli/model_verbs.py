@@ -39,7 +39,7 @@ def train(
     config: Config = None,
     overrides: Set = None,
 ) -> None:
-    """Train one model; an interrupted run goes on to the same loss curve."""
+    """Train one model; an interrupted run continues, to the same loss curve."""
     from mixpinn.dataset import SimulationStore
     from mixpinn.face import simulations_folder
     from mixpinn.reduced.hybrid import HybridModel
@@ -96,8 +96,8 @@ def ablate(
     source: Annotated[str, typer.Argument(help="Label maps, 'phantom', a mesh, or the folder of 'mixpinn simulate'.")],
     out: Out,
     protocol: Annotated[str, typer.Option(help="desk or paper.")] = "desk",
-    rows: Annotated[list[str] | None, typer.Option("--row", help="Only this row; repeatable. All fourteen.")] = None,
-    width: Annotated[int | None, typer.Option(help="Channels a head.")] = None,
+    models: Annotated[list[str] | None, typer.Option("--model", help="Only this; repeatable. All fourteen.")] = None,
+    hidden: Annotated[int | None, typer.Option(help="Channels a head.")] = None,
     probe: ProbeFile = None,
     positions: Positions = None,
     split_file: SplitFile = None,
@@ -109,7 +109,7 @@ def ablate(
     config: Config = None,
     overrides: Set = None,
 ) -> None:
-    """The paper's experiments: every row trained and tested, with hold-outs; goes on where it was stopped."""
+    """The paper's experiments: every row trained and tested, with hold-outs; an interrupted run continues."""
     from mixpinn.studies.ablation import run_ablation
     from mixpinn.studies.ablation_config import ABLATION_RUNS, AblationConfig
 
@@ -119,7 +119,7 @@ def ablate(
             fix="choose one of them",
         )
     settings = build_config(AblationConfig, asdict(ABLATION_RUNS[protocol]), *settings_layers(
-        config, overrides, rows=rows and tuple(rows), hidden=width,
+        config, overrides, models=models and tuple(models), hidden=hidden,
         split={"file": str(split_file)} if split_file else None,
         simulation={
             name: str(path) for name, path in (("probe", probe), ("positions", positions)) if path
@@ -136,18 +136,18 @@ def profile(
     meshes: Annotated[list[Path], typer.Argument(help="Folders that 'mixpinn mesh' wrote, or .vtu files, by name.")],
     out: Out,
     models: Annotated[list[str] | None, typer.Option("--model", help="Only this model; repeatable.")] = None,
-    width: Annotated[int | None, typer.Option(help="Channels a head.")] = None,
+    hidden: Annotated[int | None, typer.Option(help="Channels a head.")] = None,
     threads: Annotated[int | None, typer.Option(help="CPU threads of every method; 1 by default.")] = None,
     repeats: Annotated[int | None, typer.Option(help="Predictions that are timed.")] = None,
     probe: ProbeFile = None,
     config: Config = None,
     overrides: Set = None,
 ) -> None:
-    """Run time of solver, prior and networks on each mesh: time, memory, growth; goes on where it was stopped."""
+    """Run time of solver, prior and networks on each mesh: time, memory, growth; an interrupted run continues."""
     from mixpinn.studies.profile import ProfileConfig, run_profile
 
     settings = build_config(ProfileConfig, *settings_layers(
-        config, overrides, methods=models and tuple(models), hidden=width, threads=threads, repeats=repeats,
+        config, overrides, models=models and tuple(models), hidden=hidden, threads=threads, repeats=repeats,
         simulation={"probe": str(probe)} if probe else None,
     ))
     names = [path.stem if path.suffix == ".vtu" else path.name for path in meshes]

@@ -19,7 +19,7 @@ ProbeFile = Annotated[Path | None, typer.Option(help="Probe surface (.stl), tip 
 Positions = Annotated[Path | None, typer.Option(help="File with one probe position a line.")]
 PaperConstants = Annotated[bool, typer.Option(help="Tissue constants of the paper's fields.")]
 MeshSource = Annotated[Path, typer.Argument(help="Folder that 'mixpinn mesh' wrote, or its mesh.vtu.")]
-Out = Annotated[Path, typer.Option("--out", "-o", help="Run directory; an unfinished run in it goes on.")]
+Out = Annotated[Path, typer.Option("--out", "-o", help="Run directory; an unfinished run in it continues.")]
 Set = Annotated[
     list[str] | None, typer.Option("--set", help="Override a setting, for example train.max_epochs=20; repeatable."),
 ]

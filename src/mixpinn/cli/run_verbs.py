@@ -32,7 +32,7 @@ def run(
     overrides: Set = None,
     threads: Threads = None,
 ) -> None:
-    """The whole pipeline, from label maps to report; goes on where it was stopped."""
+    """The whole pipeline, from label maps to report; an interrupted run continues."""
     from mixpinn.pipeline import RunConfig, run_pipeline
 
     run_pipeline(build_config(RunConfig, *settings_layers(config, overrides)), out=out, threads=threads)

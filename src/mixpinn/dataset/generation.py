@@ -32,7 +32,7 @@ def generate(
     """Simulate those of `poses` that `store` does not hold yet.
 
     Each pose runs in a worker process and is stored by it, so that a killed run loses the poses in flight and
-    nothing else; the same call goes on where it stopped. A step that did not converge is recorded as such and
+    nothing else; the same call continues where it stopped. A step that did not converge is recorded as such and
     never becomes a sample. A worker that dies costs its pose one of two attempts. Control-C stops the workers,
     writes the summary so far and raises KeyboardInterrupt.
 

@@ -75,7 +75,7 @@ class SimulationStore:
         folder: Path | str, mesh: TissueMesh, *, protocol: Protocol, positions: FloatArray, poses: tuple[Pose, ...],
         scene: Mapping[str, Any] | None = None, probe: Probe | None = None,
     ) -> "SimulationStore":
-        """Begin a store, or go on with the one that lies there if it was begun with the same settings.
+        """Begin a store, or continue the one that lies there if it was begun with the same settings.
 
         Raises:
             InputError: the folder holds a store of another mesh or with other settings, or two poses of one name.

@@ -14,7 +14,7 @@ from mixpinn.networks.config import ABLATION, MIXPINN, MODELS, PHYSGNN, SIMPLE_G
 from mixpinn.networks.displacement_model import DisplacementModel, build_graph_for, build_model, mesh_output
 from mixpinn.networks.fused_attention import fused_attention
 from mixpinn.networks.gat import GATNetwork
-from mixpinn.networks.losses import mean_euclidean_error, rigid_edge_error, rigid_edge_loss
+from mixpinn.networks.losses import mean_euclidean_error, rigid_edge_change, rigid_edge_loss
 from mixpinn.networks.physgnn import PhysGNNNetwork
 from mixpinn.networks.tensor_file import read_tensors, write_tensors
 from mixpinn.networks.topology import AttentionTopology, build_topology
@@ -24,5 +24,5 @@ __all__ = [
     "AttentionTopology", "Backend", "DisplacementModel", "GATNetwork", "GraphAttention", "ModelConfig",
     "PhysGNNNetwork", "build_graph_for", "build_model", "build_topology", "describe_training", "fused_attention",
     "load_checkpoint", "load_network_mesh", "mean_euclidean_error", "mesh_output", "model_name",
-    "read_description", "read_tensors", "rigid_edge_error", "rigid_edge_loss", "save_checkpoint", "write_tensors",
+    "read_description", "read_tensors", "rigid_edge_change", "rigid_edge_loss", "save_checkpoint", "write_tensors",
 ]

@@ -59,7 +59,7 @@ def rigid_edge_loss(displacement: Tensor, graph: MeshGraph) -> Tensor:
     return _mean(edge_length_change(displacement, graph.position, graph.rigid_edges).square())
 
 
-def rigid_edge_error(displacement: Tensor, graph: MeshGraph, *, virtual: bool = False) -> Tensor:
+def rigid_edge_change(displacement: Tensor, graph: MeshGraph, *, virtual: bool = False) -> Tensor:
     """Mean absolute change of length over the rigid edges, in float64.
 
     Args:

@@ -64,7 +64,7 @@ class OnboardingConfig:
 
 
 def onboard(config: OnboardingConfig, *, out: Path | str) -> Path:
-    """Make a predictor for one anatomy; the same call goes on where it was stopped.
+    """Make a predictor for one anatomy; the same call continues where it was stopped.
 
     ``bundle/`` can be loaded as soon as the prior is there and is replaced after every round. A round's poses are
     those farthest from all before; the model predicts them before it learns from them, so that each round is a test

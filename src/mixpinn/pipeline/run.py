@@ -41,7 +41,7 @@ class _Clock:
 
 
 def run_pipeline(config: RunConfig, *, out: Path | str, threads: int | None = None) -> Path:
-    """Run every stage into subfolders of `out`; a run begun there before goes on where it stopped.
+    """Run every stage into subfolders of `out`; a run begun there before continues.
 
     Args:
         config: all stages.

@@ -95,7 +95,7 @@ class HybridPredictor:
             displacements: displacement of each of them [mm], shape (c, 3).
 
         Raises:
-            InputError: unknown or repeated nodes or such that the prior was not prepared for, another shape, or
+            InputError: unknown or repeated nodes, nodes that the prior was not prepared for, another shape, or
                 values that are not finite.
         """
         return self.model.expand(self._state(nodes, displacements))

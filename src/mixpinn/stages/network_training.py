@@ -17,7 +17,7 @@ def train_stage(
     table_train: SampleTable, table_validation: SampleTable, inputs: Mapping[str, Path | str] | None = None,
     devices: int = 1, accelerator: Accelerator = "auto",
 ) -> TrainingResult:
-    """Train in the run directory `out`, which is the model folder too; a run begun there before goes on.
+    """Train in the run directory `out`, which is the model folder too; a run begun there before continues.
 
     The limits (`max_epochs`, `time_budget`, `threads`) may differ between the sessions of a run: a finished one is
     extended by giving it more.

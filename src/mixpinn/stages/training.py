@@ -147,7 +147,7 @@ def train_model(
     name: str, config: ModelsConfig, table: SampleTable, split: Split, store: SimulationStore, *, out: Path | str,
     devices: int = 1, held_out: str | None = None,
 ) -> TrainingResult:
-    """Train one model in the run directory `out`; an interrupted run goes on.
+    """Train one model in the run directory `out`; an interrupted run continues.
 
     Args:
         name: of the model.

@@ -37,7 +37,7 @@ def run_ablation(
     source: Path | str, config: AblationConfig, *, out: Path | str, workers: int = 0, threads: int = 1,
     scheduler: str | None = None, devices: int = 1, tables_only: bool = False,
 ) -> Path:
-    """Train and test every row of the table in the run directory `out`; an interrupted table goes on.
+    """Train and test every row of the table in the run directory `out`; an interrupted table continues.
 
     Args:
         source: label maps (a folder or ``phantom``), a mesh (a folder of ``mixpinn mesh`` or a ``.vtu``), or

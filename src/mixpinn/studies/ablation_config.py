@@ -39,7 +39,7 @@ class AblationConfig:
         mesh: tetrahedra, where the source is label maps.
         simulation: poses and mechanics, where the source is not simulations.
         split: of the probe positions.
-        rows: models of the paper's tables: ``row-1`` … ``row-13``, ``physgnn``.
+        models: of the paper's tables: ``row-1`` … ``row-13``, ``physgnn``.
         repeated: rows that are trained with every seed.
         seeds: their seeds; the other rows take the first.
         few_positions: numbers of training positions at which `few_row` is trained once more with the first seed.
@@ -63,7 +63,7 @@ class AblationConfig:
     mesh: MeshConfig = field(default_factory=MeshConfig)
     simulation: SimulationConfig = field(default_factory=lambda: SimulationConfig(tissue=PAPER_TISSUE_CONFIG))
     split: SplitConfig = field(default_factory=SplitConfig)
-    rows: tuple[str, ...] = ROWS
+    models: tuple[str, ...] = ROWS
     repeated: tuple[str, ...] = ("row-1", "row-2", "row-10", "row-11", "physgnn")
     seeds: tuple[int, ...] = (0, 1, 2)
     few_positions: tuple[int, ...] = ()
@@ -83,13 +83,13 @@ class AblationConfig:
     pictures: bool = True
 
     def __post_init__(self) -> None:
-        for name in (*self.rows, *self.repeated, self.few_row):
+        for name in (*self.models, *self.repeated, self.few_row):
             if name not in MODELS:
                 raise InputError(
                     f"row {name!r}", expected="one of " + ", ".join(ROWS), got=name, fix="choose one of them",
                 )
         checks = {
-            "rows": (len(set(self.rows)) == len(self.rows) > 0, "at least one row, each once"),
+            "models": (len(set(self.models)) == len(self.models) > 0, "at least one model, each once"),
             "seeds": (len(set(self.seeds)) == len(self.seeds) > 0, "at least one seed, each once"),
             "passes": (self.passes is None or self.passes > 0, "a positive number"),
             "few_positions": (all(count > 0 for count in self.few_positions), "positive numbers"),

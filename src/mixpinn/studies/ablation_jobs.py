@@ -76,7 +76,7 @@ def plan_jobs(config: AblationConfig, split: Split, train: SampleTable) -> tuple
 
     first, *further = config.seeds
     # The slowest first, so that the last worker does not end long after the others.
-    rows = sorted(config.rows, key=lambda row: MODELS[row].architecture != "physgnn")
+    rows = sorted(config.models, key=lambda row: MODELS[row].architecture != "physgnn")
     order = np.random.default_rng(config.split.seed).permutation(split.train)
     if config.few_positions and max(config.few_positions) > len(order):
         raise InputError(

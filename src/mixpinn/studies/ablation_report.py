@@ -138,7 +138,7 @@ def protocol_line(
         "improvement"
     )
     train = config.train
-    repeated = ", ".join(row for row in config.repeated if row in config.rows)
+    repeated = ", ".join(row for row in config.repeated if row in config.models)
     every, first = ", ".join(map(str, config.seeds)), config.seeds[0]
     seeds = f"Seeds {every} for {repeated}; {first} for the others." if repeated else f"Seed {first} for all."
     return (

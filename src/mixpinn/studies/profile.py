@@ -32,7 +32,7 @@ class ProfileConfig:
     """What is measured.
 
     Attributes:
-        methods: networks of the tables.
+        models: networks of the tables.
         hidden: channels a head of the attention layers.
         physgnn_hidden: channels of PhysGNN's convolutions.
         threads: CPU threads of every method.
@@ -41,7 +41,7 @@ class ProfileConfig:
         prior: include the elastic prior.
     """
 
-    methods: tuple[str, ...] = METHODS
+    models: tuple[str, ...] = METHODS
     hidden: int = 128
     physgnn_hidden: int = 112
     threads: int = 1
@@ -52,7 +52,7 @@ class ProfileConfig:
     prior: bool = True
 
     def __post_init__(self) -> None:
-        for method in self.methods:
+        for method in self.models:
             if method not in MODELS:
                 raise InputError(
                     f"method {method!r}", expected="one of " + ", ".join(MODELS), got=method, fix="choose one of them",
@@ -85,7 +85,7 @@ def run_profile(meshes: Mapping[str, TissueMesh], config: ProfileConfig, *, out:
         timings.append(fem)
         if config.prior:
             timings.append(_kept(out, name, PRIOR, partial(_prior, name, mesh, samples, config)))
-        for method in track(config.methods, f"predictions on {name}"):
+        for method in track(config.models, f"predictions on {name}"):
             network = model_config(method, hidden=config.hidden, physgnn_hidden=config.physgnn_hidden)
             timings.append(_kept(out, name, method, partial(
                 measure_model, network, samples, (name, mesh), method=method, threads=config.threads,

@@ -16,7 +16,7 @@ from mixpinn.training.config import TrainConfig
 from mixpinn.training.history import EpochRecord, StopReason
 
 LIMITS = ("max_epochs", "time_budget", "threads")
-"""Settings that say how long and where a run goes on, not what it computes: a resumed run may change them."""
+"""Settings that say how long and where a run continues, not what it computes: a resumed run may change them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +73,7 @@ class TrainingJob:
         return {**self.settings, "inputs": self.input_hashes}
 
     def summary(self, history: Sequence[EpochRecord], stopped_by: StopReason | None = None) -> dict[str, Any]:
-        """What a reader of the model wants to know of its training; `stopped_by` is None while it goes on."""
+        """What a reader of the model wants to know of its training; `stopped_by` is None while it runs."""
         best = min(history, key=lambda record: record.validation_loss)
         return {
             "settings": asdict(self.config), "samples": len(self.table_train),

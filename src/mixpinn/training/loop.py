@@ -39,9 +39,9 @@ def train(
     model_config: ModelConfig, train_config: TrainConfig, *, mesh: TissueMesh, table_train: SampleTable,
     table_validation: SampleTable, out: Path | str, devices: int = 1, accelerator: Accelerator = "auto",
 ) -> TrainingResult:
-    """Train a network, or go on with a run that was interrupted.
+    """Train a network, or continue a run that was interrupted.
 
-    After every epoch the whole state is written, so that a run killed at any moment goes on from the last complete
+    After every epoch the whole state is written, so that a run killed at any moment continues from the last complete
     epoch and, on CPUs, follows the same loss curve as one that was never interrupted: to the last bit in one process,
     and between processes up to the last digits of matrix products. The random numbers of the caller stay untouched.
 

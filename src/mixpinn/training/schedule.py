@@ -14,7 +14,7 @@ class Schedule:
     An epoch improves where its validation loss is lower than every earlier one. "The learning rate is decayed by a
     factor of 0.1 to a minimum value of 1e-8 when the validation loss does not improve in 5 epochs"; training stops
     if it "did not decrease after 15 epochs" (MIXPINN, implementation details). Decay restarts its own count, so that
-    a lasting plateau decays every `decay_patience` epochs; the count of the early stop goes on.
+    a lasting plateau decays every `decay_patience` epochs; the count of the early stop continues.
 
     Attributes:
         learning_rate: to be used in the next epoch.
@@ -48,7 +48,7 @@ class Schedule:
         )
 
     def replay(self, validation_losses: Iterable[float], config: TrainConfig) -> "Schedule":
-        """The schedule after several epochs: what a resumed run goes on with."""
+        """The schedule after several epochs: what a resumed run continues with."""
         schedule = self
         for loss in validation_losses:
             schedule = schedule.after(loss, config)

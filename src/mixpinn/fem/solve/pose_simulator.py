@@ -31,7 +31,7 @@ _MARGIN = 6.0
 
 @dataclass(frozen=True, eq=False)
 class Equilibrium:
-    """The last converged step: where a path goes on from.
+    """The last converged step: where a path continues from.
 
     Attributes:
         balance: configuration and forces.
@@ -90,7 +90,7 @@ class PoseSimulator:
 
         Args:
             path: poses of the probe, step by step.
-            start: where the path goes on from; None for rest, with the probe outside the body.
+            start: where the path continues from; None for rest, with the probe outside the body.
             position_index, rotation_deg, on_step: as in `run`.
 
         Returns:
