@@ -54,7 +54,8 @@ def reduced(arrows: dict[tuple[str, str], int]) -> dict[tuple[str, str], int]:
 
 def size_of(room: str) -> tuple[int, int]:
     """Files and lines of a room; both zero where the contract names one that is not there yet."""
-    files = sorted((ROOT / "src" / PACKAGE / room).rglob("*.py"))
+    place = ROOT / "src" / PACKAGE / room
+    files = sorted(place.rglob("*.py")) or [path for path in [place.with_suffix(".py")] if path.exists()]
     return len(files), sum(len(path.read_text(encoding="utf-8").splitlines()) for path in files)
 
 
@@ -77,7 +78,8 @@ def draw(path: Path) -> None:
             facecolor="#eef3f8", edgecolor="#35648c", linewidth=1.0, zorder=3,
         ))
         axes.text(x, y + 0.13, room, ha="center", va="center", fontsize=11, weight="bold", zorder=4)
-        axes.text(x, y - 0.19, f"{files} files, {lines:,} lines", ha="center", va="center", fontsize=7.5, zorder=4)
+        counts = f"{files} file{'s' if files > 1 else ''}, {lines:,} lines"
+        axes.text(x, y - 0.19, counts, ha="center", va="center", fontsize=7.5, zorder=4)
     axes.set(xlim=(-5.2, 5.2), ylim=(-len(layers) + 0.3, 0.7))
     axes.set_axis_off()
     path.parent.mkdir(parents=True, exist_ok=True)

@@ -143,7 +143,7 @@ def test_the_page_of_the_paper_points_to_what_is_there():
 
 def modules_with_examples() -> list[str]:
     return [
-        ".".join(path.relative_to(SOURCES.parent).with_suffix("").parts)
+        ".".join(path.relative_to(SOURCES.parent).with_suffix("").parts).removesuffix(".__init__")
         for path in sorted(SOURCES.rglob("*.py")) if ">>>" in path.read_text(encoding="utf-8")
     ]
 
