@@ -95,4 +95,6 @@ def setup(app: Any) -> None:
 
 html_theme = "furo"
 html_title = f"MIXPINN {release}"
+html_static_path = ["_static"]
+html_css_files = ["site.css"]
 html_copy_source = False

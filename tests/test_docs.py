@@ -141,6 +141,17 @@ def test_the_page_of_the_paper_points_to_what_is_there():
         assert hasattr(importlib.import_module(module), attribute), name
 
 
+def test_every_room_has_its_place_in_the_contract_and_on_the_page(monkeypatch):
+    monkeypatch.syspath_prepend(str(ROOT / "docs"))
+    architecture = importlib.import_module("architecture")
+    rooms = {path.parent.name for path in SOURCES.glob("*/__init__.py")}
+    assert rooms <= {room for layer in architecture.contract_layers() for room in layer}
+    page = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    assert [room for room in sorted(rooms) if f"`{room}`" not in page] == []
+    arrows = {("a", "b"): 1, ("b", "c"): 2, ("a", "c"): 3}
+    assert architecture.reduced(arrows) == {("a", "b"): 1, ("b", "c"): 2}  # a reaches c over b
+
+
 def modules_with_examples() -> list[str]:
     return [
         ".".join(path.relative_to(SOURCES.parent).with_suffix("").parts).removesuffix(".__init__")
