@@ -7,7 +7,7 @@ from mesh.shapes import box_mesh
 from mixpinn.anatomy import crop, place_in_frame, read_folder, tiny_phantom
 from mixpinn.base.errors import InputError
 from mixpinn.mesh import extract_surfaces, has_cgal
-from mixpinn.stages.mesh import MeshConfig, MeshResult, make_mesh
+from mixpinn.stages.mesh import PAPER_CELLS, MeshConfig, MeshResult, make_mesh
 
 
 @pytest.fixture(scope="module")
@@ -36,6 +36,45 @@ def test_run_directory_of_the_tiny_phantom(phantom, tmp_path):
         make_mesh(phantom, MeshConfig(size=3.0), out=tmp_path / "mesh")
 
 
+def test_one_geometry_at_every_size(phantom):
+    """Cells are finer, facets, rigid parts' volumes and the extent of the fixed skin are the same."""
+    coarse, fine = (make_mesh(phantom, MeshConfig(size=size, facets=2.0, picture=False)) for size in (2.0, 1.2))
+    assert fine.mesh.n_points > 1.5 * coarse.mesh.n_points
+    assert fine.quality.inverted == 0
+    assert fine.quality.min_dihedral >= 5.0
+    np.testing.assert_array_equal(fine.mesh.points[: coarse.mesh.n_points], coarse.mesh.points)
+
+    def measures(mesh):
+        faces = mesh.boundary_faces
+        a, b, c = np.moveaxis(mesh.points[faces], 1, 0)
+        area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
+        of_part = [area[(mesh.part[faces] == k).all(axis=1)].sum() for k in range(mesh.n_parts + 1)]
+        held = area[mesh.fixed[faces].all(axis=1)].sum()
+        return [mesh.cell_volumes.sum(), area.sum(), held, *of_part]
+
+    np.testing.assert_allclose(measures(fine.mesh), measures(coarse.mesh), rtol=1e-9)
+
+
+@pytest.mark.skipif(not has_cgal(), reason="the bars are those of CGAL's mesher")
+def test_graded_cells_are_fine_where_the_probe_presses(phantom):
+    mesh = make_mesh(phantom, MeshConfig(size=1.5, picture=False)).mesh
+    corners = mesh.points[mesh.skin_faces]
+    edges = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).mean(axis=1)
+    centre, normal = corners.mean(axis=1), np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    back = normal[:, 1] > 0.7 * np.linalg.norm(normal, axis=1)
+    over = np.abs(centre[:, [0, 2]] - mesh.points[mesh.part > 0].mean(axis=0)[[0, 2]]).max(axis=1) < 25.0
+    front = normal[:, 1] < -0.7 * np.linalg.norm(normal, axis=1)
+    assert np.median(edges[back & over]) == pytest.approx(1.5 * 8.0, rel=0.3)
+    assert np.median(edges[front]) > 1.3 * np.median(edges[back & over])
+
+
+def test_facets_finer_than_cells_are_refused():
+    with pytest.raises(InputError, match="larger facets"):
+        MeshConfig(size=2.0, facets=1.0)
+    with pytest.raises(InputError, match="graded cells"):
+        MeshConfig(cells="uniform", facets=1.0)
+
+
 def test_import_as_a_stage(tmp_path):
     mesh = box_mesh(cavity=np.s_[1:3, 1:3, 1:2])
     mesh.save(tmp_path / "box.vtu")
@@ -62,7 +101,7 @@ def test_handed_in_surfaces_are_checked(phantom):
 def test_patient(shared_data):
     """The bars of the paper's mesh table, on the real anatomy."""
     label_map = place_in_frame(crop(read_folder(shared_data / "patient1")))
-    result = make_mesh(label_map)
+    result = make_mesh(label_map, PAPER_CELLS)
     points = np.array([part.points for part in result.statistics.parts])
     paper = np.array([5533, 516, 676, 655, 702, 664])
     assert points.sum() == pytest.approx(8746, rel=0.1)

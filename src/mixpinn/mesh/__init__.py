@@ -1,9 +1,11 @@
 """Label map to labelled tetrahedral mesh."""
 
+from mixpinn.mesh.bisect import refine_to
 from mixpinn.mesh.cgal_mesher import CgalMesher
 from mixpinn.mesh.check_surface import check_surface, check_surfaces, self_intersections
 from mixpinn.mesh.extract import SurfaceConfig, extract_surfaces
 from mixpinn.mesh.fidelity import MeshFidelity, StructureFidelity, mesh_fidelity, voxel_parts
+from mixpinn.mesh.grading import Grading, SizingField
 from mixpinn.mesh.import_vtu import import_vtu, load_paper_mesh
 from mixpinn.mesh.label import FixedRegion, PartContacts, fixed_nodes, label_mesh, part_contacts
 from mixpinn.mesh.mesher import PAPER_SIZING, Mesher, Sizing, has_cgal
@@ -16,10 +18,10 @@ from mixpinn.mesh.surface import DomainSurfaces, Surface
 from mixpinn.mesh.tetwild_mesher import TetwildMesher
 
 __all__ = [
-    "PAPER_SIZING", "CgalMesher", "DomainSurfaces", "FixedRegion", "MeshFidelity", "MeshQuality",
-    "MeshStatistics", "Mesher", "PartContacts", "PartStatistics", "Sizing", "StructureFidelity", "Surface",
-    "SurfaceConfig", "TetwildMesher", "check_cells", "check_surface", "check_surfaces", "dihedral_angles", "draw_mesh",
-    "extract_surfaces", "fixed_nodes", "has_cgal", "import_vtu", "label_mesh", "load_paper_mesh",
-    "mesh_fidelity", "mesh_quality", "mesh_statistics", "orient_cells", "part_contacts",
-    "radius_ratios", "refine", "self_intersections", "voxel_parts",
+    "PAPER_SIZING", "CgalMesher", "DomainSurfaces", "FixedRegion", "Grading", "MeshFidelity", "MeshQuality",
+    "MeshStatistics", "Mesher", "PartContacts", "PartStatistics", "Sizing", "SizingField", "StructureFidelity",
+    "Surface", "SurfaceConfig", "TetwildMesher", "check_cells", "check_surface", "check_surfaces", "dihedral_angles",
+    "draw_mesh", "extract_surfaces", "fixed_nodes", "has_cgal", "import_vtu", "label_mesh", "load_paper_mesh",
+    "mesh_fidelity", "mesh_quality", "mesh_statistics", "orient_cells", "part_contacts", "radius_ratios", "refine",
+    "refine_to", "self_intersections", "voxel_parts",
 ]

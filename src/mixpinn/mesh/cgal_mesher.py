@@ -13,7 +13,9 @@ from mixpinn.base.errors import InputError
 from mixpinn.base.files import write_json
 from mixpinn.geometry.farthest_points import distances_between, farthest_first
 from mixpinn.mesh.cgal_worker import NOT_CLOSED
+from mixpinn.mesh.grading import Grading
 from mixpinn.mesh.mesher import Sizing, has_cgal, tidy
+from mixpinn.mesh.scatter import scatter_on_surfaces
 from mixpinn.mesh.surface import DomainSurfaces
 
 _SEEDS = 20
@@ -26,9 +28,13 @@ class CgalMesher:
     """CGAL Mesh_3 on the polyhedral domain between the body's surface and the cavities.
 
     Refinement to the criteria (Boissonnat & Oudot 2005; Rineau & Yvinec 2007) leaves slivers: perturbation of their
-    nodes (Tournois et al. 2009) and exudation by weights (Cheng et al. 2000) remove them. The sharp rims of the caps
-    are approximated, not protected, as in the paper's mesh. The same surfaces give the same mesh on Linux, as long
-    as neither time limit is reached.
+    nodes (Tournois et al. 2009) and exudation by weights (Cheng et al. 2000) remove them. The same surfaces give the
+    same mesh on Linux, as long as neither time limit is reached.
+
+    The bindings know constant criteria only. A graded mesh begins with points scattered over the surfaces as the
+    grading wants them; refinement then adds points where facets are too far from the surface or cells badly shaped.
+    Rims of the caps are protected by balls, without which a right angle takes hundreds of small facets. A mesh of
+    constant criteria approximates the rims, as the paper's does.
 
     Attributes:
         perturb_seconds: time limit of the perturbation [s]; 0 leaves it out.
@@ -36,12 +42,12 @@ class CgalMesher:
         sliver_bound: dihedral angle at which both stop [degree].
     """
 
-    perturb_seconds: float = 12.0
-    exude_seconds: float = 12.0
+    perturb_seconds: float = 30.0
+    exude_seconds: float = 30.0
     sliver_bound: float = 12.0
     name: str = "cgal"
 
-    def fill(self, surfaces: DomainSurfaces, sizing: Sizing) -> tuple[FloatArray, Int32Array]:
+    def fill(self, surfaces: DomainSurfaces, sizing: Sizing | Grading) -> tuple[FloatArray, Int32Array]:
         """Points [mm] (n, 3) and positively oriented cells (m, 4) of the soft tissue.
 
         Raises:
@@ -56,9 +62,8 @@ class CgalMesher:
         with tempfile.TemporaryDirectory() as name:
             folder = Path(name)
             _write_off(folder / "domain.off", *surfaces.domain())
-            seeds = [spread_points(surface.points, _SEEDS) for surface in (surfaces.body, *surfaces.rigid)]
-            np.savetxt(folder / "seeds.txt", np.concatenate(seeds), fmt="%.6f")
-            write_json(folder / "parameters.json", {**asdict(sizing), **asdict(self)})
+            np.savetxt(folder / "seeds.txt", _seeds(surfaces, sizing), fmt="%.6f %.6f %.6f %.6f %d")
+            write_json(folder / "parameters.json", {**asdict(_criteria(sizing)), **asdict(self)})
             worker = Path(__file__).with_name("cgal_worker.py")
             run = subprocess.run([sys.executable, str(worker), name], capture_output=True, text=True, check=False)
             if run.returncode == NOT_CLOSED:
@@ -71,6 +76,24 @@ class CgalMesher:
                     fix=_FIX,
                 )
             return tidy(*_read_medit(medit), what=what)
+
+
+def _seeds(surfaces: DomainSurfaces, sizing: Sizing | Grading) -> FloatArray:
+    """Points that refinement begins with, as `scatter_on_surfaces` gives them."""
+    if isinstance(sizing, Grading):
+        return scatter_on_surfaces(surfaces, sizing)
+    spread = np.concatenate([spread_points(surface.points, _SEEDS) for surface in (surfaces.body, *surfaces.rigid)])
+    return np.column_stack([spread, np.zeros(len(spread)), np.full(len(spread), 2.0)])
+
+
+def _criteria(sizing: Sizing | Grading) -> Sizing:
+    """CGAL's criteria; those of a grading bound what its points leave open."""
+    if isinstance(sizing, Sizing):
+        return sizing
+    return Sizing(
+        cell_size=1.5 * sizing.elsewhere, facet_angle=sizing.angle, facet_size=1.25 * sizing.elsewhere,
+        facet_approximation=sizing.distance,
+    )
 
 
 def spread_points(points: FloatArray, count: int) -> FloatArray:

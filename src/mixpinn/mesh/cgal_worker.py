@@ -3,7 +3,8 @@
 A failed assertion inside CGAL ends its process, which must not be the caller's. The wheels' Mesh_3 is parallel and
 its result depends on how threads interleave: bound to one processor it is the same every time.
 
-FOLDER holds ``domain.off``, ``seeds.txt`` (points on the surfaces to begin with) and ``parameters.json``; the result
+FOLDER holds ``domain.off``, ``seeds.txt`` (points on the surfaces to begin with, each with
+its weight and dimension) and ``parameters.json``; the result
 is written there as ``cells.mesh`` (Medit). Exit code 3: the surfaces are open or not manifold.
 """
 
@@ -47,8 +48,10 @@ def main(folder: Path) -> int:
     complex_ = mesh_3.Mesh_3_Complex_3_in_triangulation_3()
     on_surface = domain.index_from_surface_index(mesh_3.Mesh_3_Surface_index(0, 1))
     for line in (folder / "seeds.txt").read_text().splitlines():
-        vertex = complex_.triangulation().insert(Weighted_point_3(Point_3(*map(float, line.split())), 0.0))
-        complex_.set_dimension(vertex, 2)
+        x, y, z, weight, dimension = line.split()
+        point = Point_3(float(x), float(y), float(z))
+        vertex = complex_.triangulation().insert(Weighted_point_3(point, float(weight)))
+        complex_.set_dimension(vertex, int(dimension))
         complex_.set_index(vertex, on_surface)
     mesh_3.refine_mesh_3(complex_, domain, criteria, parameters)
     complex_.output_to_medit(str(folder / "cells.mesh"))

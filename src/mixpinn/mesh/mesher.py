@@ -9,6 +9,7 @@ from scipy import sparse
 
 from mixpinn.base.arrays import AnyArray, FloatArray, Int32Array
 from mixpinn.base.errors import InputError
+from mixpinn.mesh.grading import Grading
 from mixpinn.mesh.orientation import check_cells, flat_cells, orient_cells
 from mixpinn.mesh.surface import DomainSurfaces
 
@@ -59,7 +60,7 @@ class Mesher(Protocol):
         """How the mesher is called."""
         ...
 
-    def fill(self, surfaces: DomainSurfaces, sizing: Sizing) -> tuple[FloatArray, Int32Array]:
+    def fill(self, surfaces: DomainSurfaces, sizing: Sizing | Grading) -> tuple[FloatArray, Int32Array]:
         """Points [mm] (n, 3) and positively oriented cells (m, 4) of the soft tissue.
 
         Raises:

@@ -11,11 +11,13 @@ from mixpinn.base.files import read_json, write_json, write_text
 from mixpinn.base.manifest import Artefact
 from mixpinn.base.progress import console, progress_bar
 from mixpinn.base.rundir import finish_run, is_finished, leave_run, start_run
+from mixpinn.mesh.bisect import refine_to
 from mixpinn.mesh.cgal_mesher import CgalMesher
 from mixpinn.mesh.check_surface import check_surfaces
 from mixpinn.mesh.ears import peel_flat_ears
 from mixpinn.mesh.extract import SurfaceConfig, extract_surfaces
 from mixpinn.mesh.fidelity import MeshFidelity, mesh_fidelity
+from mixpinn.mesh.grading import Grading, SizingField
 from mixpinn.mesh.import_vtu import import_vtu
 from mixpinn.mesh.label import label_mesh
 from mixpinn.mesh.mesher import Mesher, Sizing, has_cgal
@@ -31,6 +33,9 @@ T = TypeVar("T")
 MESH_RUN = Artefact("mesh", 1, "run 'mixpinn mesh' into another folder")
 MESH_RUN_FILES = (MESH_FILE, "statistics.json", "quality.json", "fidelity.json", "statistics.md")
 
+_LONGEST = 1.6
+"""Longest edges of a mesh over the length that the mesher was asked for: longer ones are halved."""
+
 
 @dataclass(frozen=True)
 class MeshConfig:
@@ -38,8 +43,13 @@ class MeshConfig:
 
     Attributes:
         mesher: CGAL, fTetWild, or CGAL where it is installed and else fTetWild.
-        size: factor on all lengths of `sizing`, and on nothing else: 1 is the paper's mesh, 2 is coarser.
-        sizing: criteria of the mesher at size 1.
+        cells: ``graded`` by the lengths of `grading`, fine under the probe and round rigid parts, or ``uniform`` by the
+            criteria of `sizing`, as the paper's mesh is.
+        size: factor on the lengths of `grading` or `sizing`, and on nothing else: 2 is coarser, 0.5 finer.
+        facets: factor on the lengths of `grading` that the surfaces are faceted with. By default it is `size`; a
+            number gives the same facets at every smaller size, where cells are halved until their edges fit `size`.
+        grading: edge lengths of graded cells at size 1.
+        sizing: criteria of the mesher for uniform cells at size 1.
         surface: smoothing and gap, the same at every size.
         fixed: for an imported mesh, a file of the indices of fixed nodes.
         rigid_names: for an imported mesh, names of its rigid parts.
@@ -47,12 +57,30 @@ class MeshConfig:
     """
 
     mesher: Literal["auto", "cgal", "tetwild"] = "auto"
+    cells: Literal["graded", "uniform"] = "graded"
     size: float = 1.0
+    facets: float | None = None
+    grading: Grading = field(default_factory=Grading)
     sizing: Sizing = field(default_factory=Sizing)
     surface: SurfaceConfig = field(default_factory=SurfaceConfig)
     fixed: str | None = None
     rigid_names: tuple[str, ...] | None = None
     picture: bool = True
+
+    def __post_init__(self) -> None:
+        if self.facets is not None and self.cells != "graded":
+            raise InputError(
+                "facets", expected="graded cells", got=f"cells = {self.cells!r}", fix="leave one of the two out",
+            )
+        if self.facets is not None and not self.facets >= self.size:
+            raise InputError(
+                "facets", expected=f"a factor of at least size = {self.size:g}", got=f"{self.facets:g}",
+                fix="cells cannot be coarser than the facets: choose larger facets or a smaller size",
+            )
+
+
+PAPER_CELLS = MeshConfig(cells="uniform")
+"""The criteria of the paper's mesh, the same everywhere."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,14 +181,19 @@ def _build(source: LabelMap | DomainSurfaces | Path | str, config: MeshConfig) -
     if isinstance(source, Path | str):
         return import_vtu(source, fixed=config.fixed, rigid_names=config.rigid_names), None
     label_map = source if isinstance(source, LabelMap) else None
-    sizing = config.sizing.scaled(config.size)
     mesher = make_mesher(config.mesher)
     if isinstance(source, LabelMap):
         surfaces = _announce("surfaces", lambda: extract_surfaces(source, config.surface))
     else:
         surfaces = _announce("check of the surfaces", lambda: check_surfaces(source))
+    facets = config.size if config.facets is None else config.facets
+    sizing = config.grading.scaled(facets) if config.cells == "graded" else config.sizing.scaled(facets)
     points, cells = _announce(f"tetrahedra ({mesher.name})", lambda: mesher.fill(surfaces, sizing))
-    return peel_flat_ears(label_mesh(points, cells, surfaces, label_map=label_map)), label_map
+    mesh = peel_flat_ears(label_mesh(points, cells, surfaces, label_map=label_map))
+    if config.size < facets:
+        wanted = SizingField(surfaces, config.grading.scaled(config.size))
+        mesh = _announce("finer cells", lambda: refine_to(mesh, lambda at: _LONGEST * wanted(at)))
+    return mesh, label_map
 
 
 def _measure(mesh: TissueMesh, label_map: LabelMap | None) -> MeshResult:
