@@ -42,8 +42,26 @@ def test_contact_error_is_added_to_the_contact_nodes_alone_and_survives_saving(t
 def test_damaged_tables_are_refused(table, tmp_path):
     table.save(tmp_path / "samples")
     (tmp_path / "samples" / "depth.npy").write_bytes(b"nothing")
-    with pytest.raises(InputError, match="a table of samples"):
+    with pytest.raises(InputError, match="expected a readable array, got something else") as caught:
         SampleTable.load(tmp_path / "samples")
+    assert "pickle" not in str(caught.value)
     (tmp_path / "samples" / "depth.npy").unlink()
-    with pytest.raises(InputError, match="a table of samples"):
+    with pytest.raises(InputError, match="readable array"):
         SampleTable.load(tmp_path / "samples")
+
+
+@pytest.mark.parametrize(("name", "value", "says"), [
+    ("depth", np.zeros(4), r"shape \(3\)"), ("depth", np.array([0.0, np.nan, 1.0]), "finite"),
+    ("contact_nodes", np.array([2, 0, 4]), "nodes below 4, got 4"),
+    ("contact_nodes", np.array([2, 0, -1]), "at least 0"),
+    ("contact_offsets", np.array([0, 2, 1, 3]), "rise from 0 to 3"),
+    ("contact_offsets", np.array([0, 0, 1, 2]), "rise"),
+    ("contact_forces", np.ones((2, 3)), r"shape \(3, 3\)"),
+    ("displacement", np.zeros((3, 4), dtype=np.float32), "shape"),
+])
+def test_each_damaged_array_is_one_line(table, tmp_path, name, value, says):
+    table.save(tmp_path / "samples")
+    np.save(tmp_path / "samples" / f"{name}.npy", value)
+    with pytest.raises(InputError, match=says) as caught:
+        SampleTable.load(tmp_path / "samples")
+    assert name in str(caught.value)

@@ -138,9 +138,9 @@ def load_arrays(
         try:
             array = np.load(path, allow_pickle=False, mmap_mode="r" if name in mapped else None)
         except (OSError, ValueError, EOFError) as error:
-            raise InputError(
-                str(path), expected="a readable array", got=f"{type(error).__name__}: {error}", fix=remake,
-            ) from error
+            # NumPy takes whatever is no array for a pickle, and advises to unpickle it.
+            got = "something else" if "pickle" in str(error) else f"{type(error).__name__}: {error}"
+            raise InputError(str(path), expected="a readable array", got=got, fix=remake) from error
         looked_at = spec if name not in mapped else ArraySpec(spec.kind, spec.shape, finite=False)
         looked_at.check(array, str(path), extents=known, remake=remake)
         arrays[name] = array

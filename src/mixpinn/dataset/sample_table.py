@@ -114,7 +114,11 @@ def build_sample_table(
         for pose, count in track(done, "read simulations"):
             simulation = store.load(pose)
             steps = simulation.sample_steps()
-            assert len(steps) == count
+            if len(steps) != count:
+                raise InputError(
+                    str(store.pose_folder(pose)), expected=f"{count} samples, as its status says",
+                    got=str(len(steps)), fix="delete this folder and run 'mixpinn simulate' again",
+                )
             columns.add(simulation, steps, contact)
             displacement[begin: begin + count] = simulation.displacement[steps]
             begin += count

@@ -7,9 +7,28 @@ import numpy as np
 
 from mixpinn.base.arrays import AnyArray, BoolArray, Float32Array, FloatArray, IntArray
 from mixpinn.base.errors import InputError
-from mixpinn.base.files import atomic_path, read_json, write_json
+from mixpinn.base.files import atomic_path, write_json
+from mixpinn.base.validated import ArraySpec, load_arrays, load_record
 
 _ABOUT = "samples.json"
+_REMAKE = "delete the folder and give the command again"
+_ARRAYS = {
+    "position_index": ArraySpec("index", ("samples",), low=0), "rotation_deg": ArraySpec("number", ("samples",)),
+    "depth": ArraySpec("number", ("samples",)), "probe_translation": ArraySpec("number", ("samples", 3)),
+    "probe_rotation": ArraySpec("number", ("samples", 3, 3)), "contact_offsets": ArraySpec("index", ("offsets",)),
+    "contact_nodes": ArraySpec("index", ("contacts",), low=0),
+    "contact_forces": ArraySpec("number", ("contacts", 3)), "probe_wrench": ArraySpec("number", ("samples", 6)),
+    "displacement": ArraySpec("number", ("samples", "nodes", 3)),
+    "contact_error": ArraySpec("number", ("contacts", 3)),
+}
+
+
+@dataclass(frozen=True)
+class _About:
+    """What ``samples.json`` holds."""
+
+    mesh_hash: str
+    samples: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,16 +152,20 @@ class SampleTable:
         Raises:
             InputError: absent or damaged.
         """
-        folder = Path(folder)
-        about = read_json(folder / _ABOUT)
-        try:
-            arrays = {
-                path.stem: np.load(path, allow_pickle=False, mmap_mode="r" if path.stem == "displacement" else None)
-                for path in folder.glob("*.npy")
-            }
-            return SampleTable(mesh_hash=str(about["mesh_hash"]), **arrays)
-        except (OSError, ValueError, KeyError, TypeError) as error:
+        about = load_record(_About, Path(folder) / _ABOUT, remake=_REMAKE)
+        arrays = load_arrays(
+            folder, _ARRAYS, remake=_REMAKE, mapped=("displacement",), optional=("contact_error",),
+            extents={"samples": about.samples, "offsets": about.samples + 1},
+        )
+        offsets, nodes = arrays["contact_offsets"], arrays["contact_nodes"]
+        if offsets[0] != 0 or offsets[-1] != len(nodes) or (np.diff(offsets) < 0).any():
             raise InputError(
-                str(folder), expected="a table of samples", got=f"{type(error).__name__}: {error}",
-                fix="delete the folder and give the command again",
-            ) from error
+                str(Path(folder) / "contact_offsets.npy"), expected=f"offsets that rise from 0 to {len(nodes)}",
+                got="others", fix=_REMAKE,
+            )
+        if len(nodes) and nodes.max() >= arrays["displacement"].shape[1]:
+            raise InputError(
+                str(Path(folder) / "contact_nodes.npy"), expected=f"nodes below {arrays['displacement'].shape[1]}",
+                got=str(nodes.max()), fix=_REMAKE,
+            )
+        return SampleTable(mesh_hash=about.mesh_hash, **arrays)
