@@ -9,7 +9,6 @@ from typing import IO
 
 from mixpinn.base.errors import InputError
 from mixpinn.base.files import make_folder
-from mixpinn.base.progress import console
 
 LOCK_FILE = ".lock"
 _PAUSE = 0.1
@@ -54,6 +53,8 @@ def acquire(folder: Path | str, *, wait: bool = False) -> bool:
                 fix="wait until it has ended, or choose another output folder",
             )
         if not told:
+            from mixpinn.base.progress import console  # imported here: reading a bundle shows no progress
+
             console.print(f"waiting for process {holder}, which works in {folder}")
         told = True
         time.sleep(_PAUSE)
