@@ -7,7 +7,6 @@ tree cannot read is given for that tree with ``--other-bundle``.
 """
 
 import argparse
-import json
 import os
 import resource
 import subprocess
@@ -16,6 +15,8 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 from statistics import median
+
+from benchmarks.history import report
 
 HERE = Path(__file__).parents[1]
 
@@ -73,7 +74,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if "predict_other" in found:
         found["predict_ratio"] = found["predict_other"] / found["predict_here"]
         print(f"the other tree: {found['predict_other']:.2f} s, {found['predict_ratio']:.1f} times as much")
-    print(json.dumps({name: round(value, 4) for name, value in found.items()}))
+    report("startup", {
+        name if "ratio" in name else f"{name}_seconds": round(value, 4) for name, value in found.items()
+    })
 
 
 if __name__ == "__main__":

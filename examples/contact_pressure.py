@@ -11,14 +11,13 @@ from dataclasses import replace
 import numpy as np
 import pyvista as pv
 
+import mixpinn as mx
 from mixpinn.anatomy import tiny_phantom
 from mixpinn.dataset import TINY, grid_positions, plan_poses, probe_path
-from mixpinn.fem import Scene, contact_pressure, simulate_pose
-from mixpinn.geometry.probe_shapes import spherical_probe
-from mixpinn.stages.mesh import MeshConfig, make_mesh
+from mixpinn.fem import contact_pressure, simulate_pose
 
-mesh = make_mesh(tiny_phantom(), MeshConfig(size=3.0)).mesh
-scene = Scene(mesh, spherical_probe(radius=25.0, subdivisions=3))
+mesh = mx.make_mesh(tiny_phantom(), size=3.0)
+scene = mx.Scene(mesh, mx.spherical_probe(radius=25.0, subdivisions=3))
 protocol = replace(TINY, rotations=(0.0,), max_positions=1, steps=4)
 positions = grid_positions(mesh, protocol)
 (pose,) = plan_poses(positions, protocol, mesh=mesh, probe=scene.probe, gap=scene.contact.gap)

@@ -9,12 +9,12 @@ training. What it misses is of second order: half the displacement, a quarter of
 import matplotlib.pyplot as plt
 import numpy as np
 
+import mixpinn as mx
 from mixpinn.anatomy import tiny_phantom
 from mixpinn.fem import PAPER_TISSUE, ElasticSystem, SolverConfig, solve_imposed
 from mixpinn.reduced.prior import ElasticPrior
-from mixpinn.stages.mesh import MeshConfig, make_mesh
 
-mesh = make_mesh(tiny_phantom(), MeshConfig(size=4.0)).mesh
+mesh = mx.make_mesh(tiny_phantom(), size=4.0)
 prior = ElasticPrior.build(mesh, [PAPER_TISSUE])
 
 # %%

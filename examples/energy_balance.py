@@ -11,14 +11,13 @@ from dataclasses import replace
 import matplotlib.pyplot as plt
 import numpy as np
 
+import mixpinn as mx
 from mixpinn.anatomy import tiny_phantom
 from mixpinn.dataset import TINY, grid_positions, plan_poses, probe_path
-from mixpinn.fem import ContactConfig, Scene, simulate_pose
-from mixpinn.geometry.probe_shapes import linear_probe
-from mixpinn.stages.mesh import MeshConfig, make_mesh
+from mixpinn.fem import simulate_pose
 
-mesh = make_mesh(tiny_phantom(), MeshConfig(size=4.0)).mesh
-scene = Scene(mesh, linear_probe(length=40.0), contact=ContactConfig(friction=0.0))
+mesh = mx.make_mesh(tiny_phantom(), size=4.0)
+scene = mx.Scene(mesh, mx.linear_probe(length=40.0), contact=mx.ContactConfig(friction=0.0))
 protocol = replace(TINY, rotations=(0.0,), max_positions=1, step=0.5, steps=12)
 positions = grid_positions(mesh, protocol)
 (pose,) = plan_poses(positions, protocol, mesh=mesh, probe=scene.probe, gap=scene.contact.gap)

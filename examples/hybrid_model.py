@@ -11,17 +11,16 @@ from dataclasses import replace
 import matplotlib.pyplot as plt
 import numpy as np
 
+import mixpinn as mx
 from mixpinn.anatomy import tiny_phantom
 from mixpinn.dataset import TINY, grid_positions, plan_poses, probe_path, table_of
-from mixpinn.fem import PAPER_TISSUE, Scene, simulate_pose
-from mixpinn.geometry.probe_shapes import linear_probe
+from mixpinn.fem import PAPER_TISSUE, simulate_pose
 from mixpinn.reduced.fit import HybridConfig, fit_hybrid
 from mixpinn.reduced.prior import ElasticPrior
 from mixpinn.serving import HybridPredictor
-from mixpinn.stages.mesh import MeshConfig, make_mesh
 
-mesh = make_mesh(tiny_phantom(), MeshConfig(size=4.0)).mesh
-scene = Scene(mesh, linear_probe(length=40.0), (PAPER_TISSUE,))
+mesh = mx.make_mesh(tiny_phantom(), size=4.0)
+scene = mx.Scene(mesh, mx.linear_probe(length=40.0), (PAPER_TISSUE,))
 protocol = replace(TINY, rotations=(0.0,), max_positions=10)
 positions = grid_positions(mesh, protocol)
 poses = plan_poses(positions, protocol, mesh=mesh, probe=scene.probe, gap=scene.contact.gap)

@@ -8,12 +8,12 @@ The errors of the paper's tables, computed on fields for which the answer is kno
 import matplotlib.pyplot as plt
 import numpy as np
 
+import mixpinn as mx
 from mixpinn.anatomy import tiny_phantom
 from mixpinn.evaluation import MetricGeometry, sample_metrics
 from mixpinn.geometry.rotations import rotation_from_vector
-from mixpinn.stages.mesh import MeshConfig, make_mesh
 
-mesh = make_mesh(tiny_phantom(), MeshConfig(size=4.0)).mesh
+mesh = mx.make_mesh(tiny_phantom(), size=4.0)
 geometry = MetricGeometry.of(mesh)
 nothing = np.zeros((mesh.n_points, 3))
 

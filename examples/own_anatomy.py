@@ -13,8 +13,7 @@ import nibabel as nib
 import numpy as np
 import pyvista as pv
 
-from mixpinn.stages.anatomy import AnatomyConfig, make_anatomy
-from mixpinn.stages.mesh import MeshConfig, make_mesh
+import mixpinn as mx
 
 # %%
 # One mask a structure, on one grid, with the affine that says where the grid lies in the scanner (RAS, mm).
@@ -32,11 +31,8 @@ for name, mask in {"body": inside, "ball": ball}.items():
 # %%
 # The folder is read with the ball as the one rigid part, cropped about it, and meshed.
 
-anatomy = make_anatomy(AnatomyConfig(
-    source="folder", path=str(folder), body="body", rigid=("ball",), crop_above=40.0, crop_below=40.0,
-))
-labels = anatomy.label_map
-mesh = make_mesh(labels, MeshConfig(size=2.0)).mesh
+labels = mx.load_anatomy(folder, body="body", rigid=("ball",))
+mesh = mx.make_mesh(labels, size=2.0)
 print(f"{mesh.n_points} nodes, rigid parts: {mesh.rigid_names}")
 
 plotter = pv.Plotter(window_size=(700, 500))

@@ -14,15 +14,14 @@ import matplotlib.pyplot as plt
 import numpy as np
 import torch
 
+import mixpinn as mx
 from mixpinn.anatomy import tiny_phantom
 from mixpinn.dataset import TINY, grid_positions, plan_poses, probe_path, table_of
 from mixpinn.evaluation import ZeroModel, evaluate
-from mixpinn.fem import Scene, simulate_pose
-from mixpinn.geometry.probe_shapes import linear_probe
-from mixpinn.stages.mesh import MeshConfig, make_mesh
+from mixpinn.fem import simulate_pose
 
-mesh = make_mesh(tiny_phantom(), MeshConfig(size=4.0)).mesh
-scene = Scene(mesh, linear_probe(length=40.0))
+mesh = mx.make_mesh(tiny_phantom(), size=4.0)
+scene = mx.Scene(mesh, mx.linear_probe(length=40.0))
 protocol = replace(TINY, rotations=(0.0,), max_positions=2)
 positions = grid_positions(mesh, protocol)
 simulations = [
@@ -68,6 +67,7 @@ class Averaging(torch.nn.Module):
             return self(contact).numpy()
 
 
+torch.set_num_threads(1)  # so small a network gains nothing from more
 torch.manual_seed(0)
 network = Averaging(mesh)
 fields = [tuple(map(torch.from_numpy, (table.contact_field(i), table.displacement[i]))) for i in range(len(table))]

@@ -6,21 +6,14 @@ Stiffness is a matter of two constants. Each label of the mesh may have its own;
 as another, and everything else is left alone.
 """
 
-from dataclasses import replace
-
 import matplotlib.pyplot as plt
+import numpy as np
 
+import mixpinn as mx
 from mixpinn.anatomy import tiny_phantom
-from mixpinn.dataset import TINY, grid_positions, plan_poses, probe_path
-from mixpinn.fem import ContactConfig, Scene, StableNeoHookean, simulate_pose
-from mixpinn.geometry.probe_shapes import linear_probe
-from mixpinn.stages.mesh import MeshConfig, make_mesh
 
-mesh = make_mesh(tiny_phantom(), MeshConfig(size=4.0)).mesh
-probe, protocol = linear_probe(length=40.0), replace(TINY, rotations=(0.0,), max_positions=1)
-contact = ContactConfig()
-(pose,) = plan_poses(grid_positions(mesh, protocol), protocol, mesh=mesh, probe=probe, gap=contact.gap)
-path = probe_path(pose.position, pose.rotation_deg, protocol)
+mesh = mx.make_mesh(tiny_phantom(), size=4.0)
+back = mesh.points[:, 1].max()
 
 # %%
 # Contact is a stiff spring. It is made stiffer together with the tissue here, so that the two problems differ by one
@@ -28,16 +21,23 @@ path = probe_path(pose.position, pose.rotation_deg, protocol)
 
 
 def pressing_forces(factor):
-    """Force that the skin exerts on the probe at each step [N], with all stiffnesses multiplied by `factor`."""
-    tissue = StableNeoHookean.from_young(factor * 25.4e-3, 0.45)  # [N/mm²]
-    scene = Scene(mesh, probe, (tissue,), contact=replace(contact, stiffness=factor * contact.stiffness))
-    return simulate_pose(scene, path, position_index=0, rotation_deg=0.0).probe_wrench[:, 1]
+    """Force that the skin exerts on the probe at each depth [N], with all stiffnesses multiplied by `factor`."""
+    tissue = mx.StableNeoHookean.from_young(factor * 25.4e-3, 0.45)  # [N/mm²]
+    contact = mx.ContactConfig(stiffness=factor * mx.ContactConfig().stiffness)
+    scene = mx.Scene(mesh, mx.linear_probe(length=40.0), (tissue,), contact=contact)
+    forces, history = [], None
+    for depth in depths:
+        answer = mx.solve_pose(scene, tip=(0.0, back - depth, 0.0), history=history)
+        forces.append(answer.force[1])
+        history = answer.history
+    return np.array(forces)
 
 
+depths = np.array([0.0, 1.0, 2.0, 3.0])  # of the tip below the hindmost point of the skin [mm]
 soft, stiff = pressing_forces(1.0), pressing_forces(2.0)
 figure, axes = plt.subplots(figsize=(5.0, 3.5), layout="constrained")
-axes.plot(path.depths, soft, "o-", label="E = 25.4 kPa")
-axes.plot(path.depths, stiff, "o-", label="twice as stiff")
+axes.plot(depths, soft, "o-", label="E = 25.4 kPa")
+axes.plot(depths, stiff, "o-", label="twice as stiff")
 axes.set(xlabel="depth [mm]", ylabel="force [N]")
 axes.legend(frameon=False)
 

@@ -7,13 +7,17 @@ import shlex
 import shutil
 import tomllib
 from collections.abc import Iterator
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
+import nibabel as nib
 import numpy as np
 import pytest
 import typer
 
 import mixpinn
+from mixpinn.anatomy.phantom import TINY_PHANTOM, phantom_segmentation
 from mixpinn.base.config import build_config
 from mixpinn.cli import app
 from mixpinn.dataset import SimulationStore, build_sample_table
@@ -57,13 +61,20 @@ def world(chain, tmp_path_factory):  # noqa: F811
     for name in ("me/bundle", "hybrid"):
         shutil.copytree(folder / "runs" / "me" / "hybrid", folder / "runs" / name)
     (folder / "contacts.csv").write_text("node,dx,dy,dz\n5,0,-1,0\n")
+    phantom = phantom_segmentation(replace(TINY_PHANTOM, vertebrae=3))
+    (folder / "segmentations").mkdir()
+    for structure in (phantom.body, *phantom.rigid):
+        mask = structure.window((0, 0, 0), phantom.shape).astype(np.uint8)
+        nib.save(nib.Nifti1Image(mask, phantom.affine), folder / "segmentations" / f"{structure.name}.nii.gz")
     return folder
 
 
 @pytest.mark.parametrize("page", dict.fromkeys(page for page, _ in blocks("python")), ids=lambda page: page.stem)
 def test_python_runs(page, world, monkeypatch):
-    """A page's blocks, one after the other: a later one may use the names of those before it."""
+    """A page's blocks, one after the other, at toy size: a later one may use the names of those before it."""
     monkeypatch.chdir(world)
+    monkeypatch.setattr(mixpinn, "make_mesh", partial(mixpinn.make_mesh, size=4.0))
+    monkeypatch.setattr(mixpinn.protocols, "SMALL", replace(mixpinn.protocols.SMALL, max_positions=8, steps=3))
     names = {"__name__": "snippet"}
     for owner, text in blocks("python"):
         if owner == page:
