@@ -6,13 +6,14 @@ section whose run is not given is rendered from what an earlier command kept.
 """
 
 import argparse
+from functools import partial
 from pathlib import Path
 
 from benchmarks.results.experiments import EXPERIMENTS
 from benchmarks.results.full_scale import FULL_SCALE
 from benchmarks.results.hybrid import HYBRID
 from benchmarks.results.hybrid import short as hybrid_short
-from benchmarks.results.pipeline_run import DEMO, PATIENT1, short
+from benchmarks.results.pipeline_run import DEMO, PATIENT1, short, timing
 from benchmarks.results.profile import PROFILE
 from benchmarks.results.protocol import PROTOCOL
 from benchmarks.results.section import Section, full_text, page_text, store, stored
@@ -87,12 +88,12 @@ def main(arguments: list[str] | None = None) -> None:
         if data is not None:
             write_text(folder / f"{section.name}.md", full_text(section, data))
     write_text(options.out, page(folder))
-    runs = {section.name: (stored(folder, section), f"make {section.name}") for section in (DEMO, PATIENT1)}
-    figures = {name: short(data, command=command) for name, (data, command) in runs.items() if data is not None}
-    hybrid = stored(folder, HYBRID)
-    if hybrid is not None:
-        figures[HYBRID.name] = hybrid_short(hybrid)
-    fill_readme(options.readme, figures)
+    shown = {DEMO: partial(timing, command="make demo"), PATIENT1: partial(short, command="make patient1"),
+             HYBRID: hybrid_short}
+    figures = {section: stored(folder, section) for section in shown}
+    fill_readme(options.readme, {
+        section.name: shown[section](data) for section, data in figures.items() if data is not None
+    })
     print(options.out)
 
 

@@ -65,14 +65,18 @@ def brief(data: Data, *, name: str, title: str, command: str) -> str:
 
 def short(data: Data, *, command: str) -> str:
     """The few figures of a run that the README shows."""
-    stages, tables = data["stage_seconds"], data["tables"]
+    tables = data["tables"]
     models = tables[tables.index("| Model |"):].split("\n\n", 1)[0]
-    cores = data["machine"].rpartition(", ")[2]
-    return "\n".join([
+    return "\n".join([f"{timing(data, command=command)} Errors on probe positions that no model has seen:\n", models])
+
+
+def timing(data: Data, *, command: str) -> str:
+    """How long a run took, in a sentence."""
+    stages, cores = data["stage_seconds"], data["machine"].rpartition(", ")[2]
+    return (
         f"`{command}` took {sum(stages.values()) / 60.0:.1f} minutes on {cores}, {stages['Simulation']:.0f} s of them "
-        f"for {data['poses']} simulated poses with {data['samples']} samples. Errors on probe positions that no model "
-        "has seen:\n", models,
-    ])
+        f"for {data['poses']} simulated poses with {data['samples']} samples."
+    )
 
 
 def section(name: str, title: str, command: str) -> Section:
