@@ -60,3 +60,29 @@ def test_bfgs_learns_the_matrix_and_its_compliance() -> None:
     assert len(learnt) == 4
     learnt.update(rng.normal(size=10), np.zeros(10), np.ones(10))
     assert len(learnt) == 4
+
+
+def test_a_pair_taken_in_with_the_next_residual_costs_no_solve_and_changes_nothing() -> None:
+    matrix, guess, kept = spd(10, 1), spd(10, 2), np.array([0, 3, 7])
+    inverse, solves, rng = np.linalg.inv(guess), [0], np.random.default_rng(5)
+
+    def solve(vector: np.ndarray) -> np.ndarray:
+        solves[0] += 1
+        return inverse @ vector
+
+    eager = UpdatedInverse(lambda v: inverse @ v, inverse[np.ix_(kept, kept)], kept)
+    lazy = UpdatedInverse(solve, inverse[np.ix_(kept, kept)], kept)
+    old = rng.normal(size=10)
+    for _ in range(4):
+        np.testing.assert_allclose(lazy.residual_step(old), eager.apply(old), atol=1e-10)
+        step = rng.normal(size=10)
+        new = old + matrix @ step
+        lazy.learn(step, old, new, guess @ step)
+        eager.update(step, new - old, guess @ step)
+        assert len(lazy) == len(eager)
+        old = new
+    assert solves[0] == 4
+    other = rng.normal(size=10)
+    np.testing.assert_allclose(lazy.compliance, eager.compliance, atol=1e-10)
+    np.testing.assert_allclose(lazy.residual_step(other), eager.apply(other), atol=1e-10)
+    assert solves[0] == 6  # the last pair by a solve of its own

@@ -235,7 +235,7 @@ class QuasiStaticSolver:
         self.effort.iterations += 1
         gradient = at.elastic
         start = time.perf_counter()
-        step = -self._inverse.apply(gradient)
+        step = -self._inverse.residual_step(gradient)
         self.effort.add("solve", start)
         if problem is not None and self._unknowns is not None:
             start = time.perf_counter()
@@ -252,7 +252,7 @@ class QuasiStaticSolver:
         if new is None:
             return None
         start = time.perf_counter()
-        self._inverse.update(length * step, new.elastic - at.elastic, -length * gradient)
+        self._inverse.learn(length * step, at.elastic, new.elastic, -length * gradient)
         self.effort.add("solve", start)
         return new
 
