@@ -15,6 +15,7 @@ from pathlib import Path
 parser = argparse.ArgumentParser(description=__doc__)
 parser.add_argument("--threads", type=int, default=2)
 parser.add_argument("--poses", type=int, default=4)
+parser.add_argument("--order", type=int, default=1, choices=(1, 2), help="of the cells: 1 linear, 2 quadratic")
 if __name__ == "__main__":
     OPTIONS = parser.parse_args()
     for name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"):
@@ -76,10 +77,11 @@ def press(simulator: PoseSimulator, position: np.ndarray, rotation_deg: float, s
     return simulator.run(ProbePath(translations, np.tile(rotation, (steps, 1, 1)), depth))
 
 
-def main(threads: int, poses: int) -> None:
+def main(threads: int, poses: int, order: int = 1) -> None:
     """Measure and print."""
     found = paper_set_up()
     mesh, probe, positions = found or block_set_up()
+    mesh = mesh.with_order(order)
     simulator = PoseSimulator(Scene(mesh, probe, (PAPER_TISSUE,), solver=SolverConfig(threads=threads)))
     press(simulator, positions[0], 0.0, steps=14)
     effort = simulator.solver.effort
@@ -104,10 +106,11 @@ def main(threads: int, poses: int) -> None:
         "seconds_per_step": seconds / loaded, "iterations_per_step": (effort.iterations - before[0]) / loaded,
         "factorizations_per_step": (effort.factorizations - before[1]) / loaded, "shares": shares,
         "cpu_seconds_per_step": cpu / loaded, "steps": loaded, "failed_steps": failed, "penetration_mm": penetration,
-        "residual": residual, "threads": threads, "mesh": "paper" if found else "block", "nodes": mesh.n_points,
+        "residual": residual, "threads": threads, "mesh": "paper" if found else "block", "nodes": mesh.n_nodes,
+        "order": order,
     })
 
 
 if __name__ == "__main__":
-    main(OPTIONS.threads, OPTIONS.poses)
+    main(OPTIONS.threads, OPTIONS.poses, OPTIONS.order)
     sys.exit(0)

@@ -137,8 +137,8 @@ def solve_all(base: TissueMesh, options: argparse.Namespace) -> dict[tuple[str, 
                 found[level, number] = result
                 lowest = result.det_f.min(axis=0, initial=np.inf)
                 print(f"{level:16s} {mesh.n_nodes:7d} nodes, pose {number}: force "
-                      f"{np.array2string(result.force, precision=3)} N, det F from {lowest[0]:.3f} at quadrature points, "
-                      f"{lowest[1]:.3f} at vertices, {result.seconds:.0f} s", flush=True)
+                      f"{np.array2string(result.force, precision=3)} N, det F from {lowest[0]:.3f} at quadrature "
+                      f"points, {lowest[1]:.3f} at vertices, {result.seconds:.0f} s", flush=True)
     return found
 
 

@@ -11,6 +11,7 @@ from mixpinn.base.errors import InputError
 from mixpinn.base.files import read_json, write_json
 from mixpinn.dataset.status import PoseState, PoseStatus
 from mixpinn.dataset.store import SimulationStore
+from mixpinn.fem.elements.jacobians import smallest_jacobians
 from mixpinn.mesh.quality import radius_ratios
 from mixpinn.records import Simulation, TissueMesh
 from mixpinn.records.tetrahedra import signed_volumes
@@ -59,7 +60,8 @@ class InvertedCell:
 def inverted_cells(mesh: TissueMesh, simulation: Simulation, pose: str) -> list[InvertedCell]:
     """Cells with det F ≤ 0 in a converged step of `simulation`, by cell.
 
-    A tetrahedron deforms by one F, so that det F is its deformed over its undeformed volume.
+    A linear tetrahedron deforms by one F, so that det F is its deformed over its undeformed volume; of a quadratic one
+    the smallest det F at its quadrature points counts.
 
     Args:
         mesh: the mesh that was simulated.
@@ -69,7 +71,7 @@ def inverted_cells(mesh: TissueMesh, simulation: Simulation, pose: str) -> list[
     rest = signed_volumes(mesh.points, mesh.cells)
     found: dict[int, list[tuple[float, int]]] = {}
     for step in np.flatnonzero(simulation.converged & ~(simulation.min_jacobian > 0.0)):  # also where it is unknown
-        ratio = signed_volumes(mesh.points + simulation.displacement[step], mesh.cells) / rest
+        ratio = smallest_jacobians(mesh, simulation.displacement[step])
         for cell in np.flatnonzero(ratio <= 0.0):
             found.setdefault(int(cell), []).append((float(ratio[cell]), int(step)))
     cells = np.array(sorted(found), dtype=np.int64)

@@ -81,7 +81,7 @@ def table_of(simulations: Iterable[Simulation], *, contact: ContactRule = "loade
 def build_sample_table(
     store: SimulationStore, *, contact: ContactRule = "loaded", memory_map: Path | str | None = None,
 ) -> SampleTable:
-    """Samples of all finished simulations of a store, in the order of its poses.
+    """Samples of all finished simulations of a store, in the order of its poses, on the vertices of the mesh.
 
     Args:
         store: the simulations.
@@ -112,7 +112,7 @@ def build_sample_table(
     def fill(displacement: AnyArray) -> None:
         begin = 0
         for pose, count in track(done, "read simulations"):
-            simulation = store.load(pose)
+            simulation = store.load(pose).on_vertices(n_nodes)
             steps = simulation.sample_steps()
             if len(steps) != count:
                 raise InputError(

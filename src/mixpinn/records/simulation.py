@@ -1,6 +1,6 @@
 """Simulation: one pose of the probe, pressed in step by step."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +13,7 @@ from mixpinn.records.probe import ProbePath
 
 @dataclass(frozen=True, eq=False)
 class Simulation:
-    """All steps of one pose; s steps, n mesh nodes, K rigid parts.
+    """All steps of one pose; s steps, n mesh nodes (vertices first, then midpoints of edges), K rigid parts.
 
     Attributes:
         mesh_hash: `TissueMesh.hash` of the mesh that was simulated.
@@ -77,6 +77,20 @@ class Simulation:
         return np.array([
             step for step in range(self.n_steps) if self.converged[step] and len(self.contacts(step)[0])
         ], dtype=np.int64)
+
+    def on_vertices(self, n_points: int) -> "Simulation":
+        """The record of the first `n_points` nodes, the mesh's vertices: all of them where the cells are linear.
+
+        Contact nodes are the vertices among the contact nodes; wrench and motions stay those of all nodes.
+        """
+        if self.displacement.shape[1] == n_points:
+            return self
+        vertex = self.contact_nodes < n_points
+        counted = np.concatenate([[0], np.cumsum(vertex)])
+        return replace(
+            self, displacement=self.displacement[:, :n_points], contact_offsets=counted[self.contact_offsets],
+            contact_nodes=self.contact_nodes[vertex], contact_forces=self.contact_forces[vertex],
+        )
 
     def arrays(self) -> dict[str, AnyArray]:
         """Every array of the record by name, the path's flattened into it."""

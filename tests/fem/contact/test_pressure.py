@@ -6,6 +6,7 @@ import pytest
 from fem.block_mesh import block, labelled
 from mixpinn.base.errors import InputError
 from mixpinn.fem import ContactConfig, LinearElastic, Scene, contact_area, contact_pressure, simulate_pose
+from mixpinn.fem.elements.jacobians import smallest_jacobians
 from mixpinn.records import Probe, ProbePath
 
 MESH = block((3, 2, 3), size=(30.0, 10.0, 30.0))
@@ -67,3 +68,30 @@ def test_refuses_another_mesh_and_another_step(simulation):
         contact_pressure(replace(MESH, points=MESH.points + 1.0), simulation, 2)
     with pytest.raises(InputError, match="from 0 to 2"):
         contact_pressure(MESH, simulation, 3)
+
+
+def test_quadratic_faces_under_a_plate_carry_one_pressure():
+    """Patch test of contact: ν = 0 and no friction, so that strain and pressure are uniform."""
+    mesh = MESH.with_order(2)
+    scene = Scene(mesh, PLATE, (LinearElastic.from_young(YOUNG, 0.0),), ContactConfig(friction=0.0))
+    places = np.array([[15.0, 12.1, 15.0], [15.0, 11.8, 15.0], [15.0, 11.6, 15.0]])
+    found = simulate_pose(
+        scene, ProbePath(places, np.tile(np.eye(3), (3, 1, 1)), np.arange(3.0)), position_index=0, rotation_deg=0.0,
+    )
+    top = mesh.node_points[:, 1] > 10.0 - 1e-9
+    moved = found.displacement[2][top, 1].astype(np.float64)
+    np.testing.assert_allclose(moved, moved.mean(), atol=1e-6)
+    nodes, forces = found.contacts(2)
+    assert set(nodes) == set(np.flatnonzero(top))  # vertices too, though the pressure leaves them without force
+    pressure = contact_pressure(mesh, found, 2)
+    assert len(pressure.nodes) == 16
+    np.testing.assert_allclose(pressure.pressure, -YOUNG * moved.mean() / 10.0, rtol=1e-4)
+    inside = np.isin(nodes, np.flatnonzero(top & (np.abs(mesh.node_points[:, [0, 2]] - 15.0) < 10.0).all(axis=1)))
+    vertex = inside & (nodes < mesh.n_points)
+    assert np.abs(forces[vertex, 1]).max() < 1e-6 * np.abs(forces[:, 1]).max()
+    assert contact_area(mesh, PLATE, found, 2) == pytest.approx(900.0, rel=0.02)
+    on_vertices = found.on_vertices(mesh.n_points)
+    assert on_vertices.displacement.shape[1] == mesh.n_points
+    assert set(on_vertices.contacts(2)[0]) <= set(nodes)
+    assert found.on_vertices(mesh.n_nodes) is found
+    np.testing.assert_allclose(smallest_jacobians(mesh, found.displacement[2]), 1.0 + moved.mean() / 10.0, atol=1e-5)

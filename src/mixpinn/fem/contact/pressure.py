@@ -48,6 +48,9 @@ def contact_pressure(
     the rim of the contact carries a part of the load on all of its triangles; its pressure is a mean over them, and
     the nodes' area in all exceeds the area of contact (`contact_area`) by up to an edge at the rim.
 
+    Quadratic faces load their midpoints above all: their forces are first taken to the vertices as the linear shape
+    functions see them (`TissueMesh.on_vertices`), and the nodes are then vertices alone.
+
     Args:
         mesh: the mesh that was simulated.
         simulation: of one pose.
@@ -66,7 +69,14 @@ def contact_pressure(
     if direction is None:
         direction = simulation.path.rotations[step] @ PROBE_AXIS
     nodes, forces = simulation.contacts(step)
-    a, b, c = np.moveaxis((mesh.points + simulation.displacement[step])[mesh.skin_faces], 1, 0)
+    if mesh.order == 2:
+        nodal = np.zeros((mesh.n_nodes, 3))
+        nodal[nodes] = forces
+        vertices = mesh.on_vertices(nodal)
+        nodes = np.flatnonzero((vertices != 0.0).any(axis=1) & np.isin(np.arange(mesh.n_points), mesh.skin_faces))
+        forces = vertices[nodes]
+    moved = mesh.points + simulation.displacement[step, : mesh.n_points]
+    a, b, c = np.moveaxis(moved[mesh.skin_faces], 1, 0)
     facing = np.maximum(-0.5 * np.cross(b - a, c - a) @ direction, 0.0) / 3.0
     area: FloatArray = np.zeros(mesh.n_points)
     np.add.at(area, mesh.skin_faces, facing[:, None])
@@ -100,7 +110,7 @@ def contact_area(
     if not len(simulation.contacts(step)[0]):
         return 0.0
     corners = probe.points @ simulation.path.rotations[step].T + simulation.path.translations[step]
-    skin = (mesh.points + simulation.displacement[step])[mesh.skin_faces]
+    skin = (mesh.node_points + simulation.displacement[step])[mesh.skin_triangles]
     reach = gap + slack
     low, high = corners.min(axis=0) - reach, corners.max(axis=0) + reach
     near = ((skin.max(axis=1) >= low) & (skin.min(axis=1) <= high)).all(axis=1)
