@@ -19,6 +19,7 @@ from scipy.spatial.transform import Rotation
 from benchmarks.history import report
 from mixpinn.dataset import SimulationStore, Split, build_sample_table
 from mixpinn.press.contact import PriorContact
+from mixpinn.press.domain import PoseDomain
 from mixpinn.press.files import load_pose_model, save_pose_model
 from mixpinn.press.fit import collect, fit_pose
 from mixpinn.press.model import PoseModel
@@ -133,14 +134,12 @@ def main() -> None:
     training = np.flatnonzero(np.isin(table.position_index, split.train))[:: args.every]
     if args.fit:
         probe = Probe.load(args.store / "probe.stl")
-        config = PoseContactConfig()
-        model = PoseModel(
-            hybrid, PriorContact.of_prior(hybrid.prior, config),
-            (ProbeGeometry.of_probe(probe, spacing=config.spacing),),
-        )
+        solver = PriorContact.of_prior(hybrid.prior, PoseContactConfig())
+        probes = (solver.field(ProbeGeometry.of_probe(probe)),)
+        model = PoseModel(hybrid, solver, probes, PoseDomain.of_mesh(mesh))
         began = time.perf_counter()
         validation = np.flatnonzero(np.isin(table.position_index, split.validation))[:: args.every]
-        model = fit_pose(model, collect(model, table, training), collect(model, table, validation))
+        model = fit_pose(model, collect(model, table, np.union1d(training, validation)))
         save_pose_model(model, args.pose)
         print(f"fitted on {len(training)} samples in {time.perf_counter() - began:.0f} s")
     model = load_pose_model(args.pose, hybrid)

@@ -9,6 +9,7 @@ from mixpinn.fem import PoseSimulator, Scene, SkinSurface, SuperLUSolver
 from mixpinn.geometry.probe_shapes import linear_probe, spherical_probe
 from mixpinn.geometry.proximity import proximity
 from mixpinn.press.contact import PriorContact
+from mixpinn.press.probe_field import ProbeField
 from mixpinn.press.records import PoseContactConfig, ProbeGeometry
 from mixpinn.records import ProbePath
 from mixpinn.reduced.prior import ElasticPrior
@@ -31,7 +32,11 @@ def prior(mesh):
 
 @pytest.fixture(scope="module")
 def ball():
-    return ProbeGeometry.of_probe(spherical_probe(radius=12.0, subdivisions=3))
+    return field_of(spherical_probe(radius=12.0, subdivisions=3))
+
+
+def field_of(probe):
+    return ProbeField.of_probe(ProbeGeometry.of_probe(probe), gap=2.0)
 
 
 def pose(x=18.0, z=22.0, depth=3.0, turn=0.0):
@@ -53,13 +58,13 @@ def test_forces_balance_the_linear_body_and_the_probe(prior, ball) -> None:
 
 def test_the_skin_keeps_the_gap_and_nothing_pulls(mesh, prior, ball) -> None:
     rotation, tip = pose(depth=4.0)
-    found = PriorContact.of_prior(prior, PoseContactConfig(stiffness=500.0)).solve([ball], rotation, tip)
+    found = PriorContact.of_prior(prior, PoseContactConfig(stiffness=40.0)).solve([ball], rotation, tip)
     top = prior.nodes
     x = mesh.points.copy()
     x[top] += (prior.own_compliance @ -found.history.force.ravel()).reshape(-1, 3)
     skin = SkinSurface.of_mesh(mesh)
-    near = proximity(ball.samples + tip, skin.vertices(x), skin.surface, cutoff=4.0)
-    # Normals are those of the round before, so that the gap holds up to a part of how far they turned.
+    near = proximity(ball.geometry.vertices + tip, skin.vertices(x), skin.surface, cutoff=4.0)
+    # Between its contact points the skin's triangles may come closer than the gap to a ball of so small a radius.
     assert near.distance.min() > 1.7
     assert (found.forces[:, 1] < 1e-9).all()
 
@@ -89,7 +94,7 @@ def test_history_remembers_where_the_probe_stuck(prior, ball) -> None:
     contact = PriorContact.of_prior(prior)
     first = contact.solve([ball], *pose())
     same = contact.solve([ball], *pose(), history=first.history)
-    assert_allclose(same.wrench, first.wrench, rtol=0.02, atol=0.02)
+    assert_allclose(same.wrench, first.wrench, rtol=1e-3, atol=1e-3)
     moved = contact.solve([ball], *pose(x=18.4), history=first.history)
     fresh = contact.solve([ball], *pose(x=18.4))
     # Dragged towards +x, the tissue pulls the probe back.
@@ -144,7 +149,7 @@ def test_it_meets_the_full_contact_simulation_where_the_body_is_nearly_linear(me
     path = ProbePath(tips, np.tile(np.eye(3), (len(steps), 1, 1)), steps)
     true = PoseSimulator(scene, linear=SuperLUSolver()).run(path)
     assert true.converged.all()
-    found = PriorContact.of_prior(prior).solve([ProbeGeometry.of_probe(probe)], np.eye(3)[None], tips[-1:])
+    found = PriorContact.of_prior(prior).solve([field_of(probe)], np.eye(3)[None], tips[-1:])
     assert_allclose(found.wrench[0, 1], true.probe_wrench[-1, 1], rtol=0.1)
     held = prior.hold(found.nodes)
     field = prior.expand(prior.respond_to_forces(held, found.forces.ravel()))
@@ -164,3 +169,36 @@ def test_bad_poses_are_refused(prior, ball) -> None:
     with pytest.raises(InputError):
         contact.solve([ball, ball], np.concatenate([rotation] * 2), np.concatenate([tip] * 2),
                       history=contact.solve([ball], rotation, tip).history)
+
+
+def test_answers_along_a_press_are_one_path(prior, ball) -> None:
+    """Just before and just after a whole number of steps the answers are the same, and everywhere they are steady."""
+    contact = PriorContact.of_prior(prior)
+    touch = -float(contact.depth([ball], *pose(depth=0.0))[0])
+    step = contact.config.step
+    for depth in (touch + step, touch + 2.0 * step):
+        before, after = (contact.solve([ball], *pose(depth=depth + by)).wrench for by in (-1e-6, 1e-6))
+        assert_allclose(after, before, rtol=2e-3, atol=2e-3)
+    depths = np.arange(0.0, 8.0, 0.1)
+    force = np.array([contact.solve([ball], *pose(depth=depth)).wrench[0, :3] for depth in depths])
+    assert (np.diff(force[:, 1]) > -0.01).all()
+    steps = np.linalg.norm(np.diff(force, axis=0), axis=1)
+    assert steps.max() < 4.0 * np.median(steps[steps > 0.0])
+
+
+def test_depth_counts_from_first_touch(prior, ball) -> None:
+    contact = PriorContact.of_prior(prior)
+    deep = [contact.depth([ball], *pose(depth=depth))[0] for depth in (0.0, 2.0, 30.0)]
+    assert_allclose(np.diff(deep), [2.0, 28.0], atol=1e-9)
+    assert contact.depth([ball], *pose(x=500.0))[0] == -np.inf
+    # The flat block is first touched by the lowest of the ball, up to the distance between contact points.
+    assert -0.3 < deep[0] < 0.01
+
+
+def test_a_steep_tilt_and_a_deep_press_converge(prior, ball) -> None:
+    contact = PriorContact.of_prior(prior)
+    for turn in (-0.5, 0.0, 0.5):
+        for depth in (6.0, 12.0):
+            found = contact.solve([ball], *pose(depth=depth, turn=turn))
+            assert found.converged
+            assert np.isfinite(found.wrench).all()

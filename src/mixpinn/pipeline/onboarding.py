@@ -166,7 +166,7 @@ def _fit(
         prior = cached_prior(model.mesh, scene.materials, touched=np.union1d(prior.nodes, table.contact_nodes))
     train, calibration = _samples_of(table, fitted), _samples_of(table, held)
     hybrid = fit_hybrid(prior, scene.materials, train, calibration, config.hybrid)
-    return hybrid, fit_pose_model(hybrid, scene.probe, scene.contact, train, calibration)
+    return hybrid, fit_pose_model(hybrid, scene.probe, scene.contact, _samples_of(table, poses))
 
 
 def _report(store: SimulationStore, last: SampleTable, config: OnboardingConfig, out: Path) -> None:

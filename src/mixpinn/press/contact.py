@@ -1,46 +1,49 @@
 """Contact from the probe's pose alone, solved on the compliance of the elastic prior.
 
-The body is linear (`mixpinn.reduced.prior`): forces f on the skin's nodes move them by W f. A probe that came straight
-along its axis meets the skin along lines parallel to it. These lines pair probe points with skin triangles and skin
-nodes with probe triangles, and say on which side of the skin the probe is, however deep it stands: the contact of a
-pose is found in one go, without the path that led there. With the pairs and their normals held, contact with Coulomb
-friction is a small problem that is linear piece by piece (`mixpinn.press.kernel`); it is solved a few times, with
-pairs and normals renewed at the skin found last.
+The body is linear (`mixpinn.reduced.prior`): forces f on the skin's nodes move them by W f. Contact acts on points
+fixed to the skin (`mixpinn.press.skin_points`) by their distance from the probe (`mixpinn.press.probe_field`), with a
+smooth penalty and Coulomb friction (`mixpinn.press.path_kernel`). Nothing is paired: what a point feels depends on its
+place alone, and steadily.
 
-Friction refers to the point of the probe that a place of the skin touches first. Skin is drawn sideways before it is
-touched, and so the way down is divided into a few sub-steps. A history, if given, replaces this way: what touched
-before keeps its grip, slid as far as friction let it.
+Friction has a past. Without a history the answer to a pose is that of the straight path along the pressing direction
+from first touch to there, in steps of a fixed length counted from first touch, the last one shorter: the answers along
+such a path are those of one path, and an answer depends on nothing asked before. With the history of an earlier answer
+the path begins there and goes straight to the pose asked for.
+
+A step that does not converge is divided, again and again. Where that does not help, it is taken without friction, which
+an energy then governs, and the answer says that it did not converge.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from mixpinn.base.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from mixpinn.base.errors import InputError
-from mixpinn.press.kernel import cast_along, pair_contacts, shadowed, solve_contacts
+from mixpinn.geometry.probe_pose import PROBE_AXIS
+from mixpinn.geometry.rotations import rotation_from_vector, vector_from_rotation
+from mixpinn.press.path_kernel import touch_depths
+from mixpinn.press.probe_field import ProbeField
 from mixpinn.press.records import (
-    NO_GRIP,
     ContactHistory,
     ContactPrediction,
-    Grip,
-    PlacedProbe,
+    PlacedProbes,
     PoseContactConfig,
     ProbeGeometry,
     check_poses,
 )
+from mixpinn.press.session import ContactSession
+from mixpinn.press.skin_points import SkinPoints
 from mixpinn.records import TissueMesh
 from mixpinn.reduced.prior import ElasticPrior
-
-AXIS = np.array([0.0, -1.0, 0.0])
-"""The direction in which a probe presses, in its own frame."""
 
 
 class PriorContact:
     """Solves contact of probes with the skin of a linear body.
 
-    Poses are independent of each other unless a history is handed over.
+    Poses are independent of each other unless a history is handed over. Nothing in here changes once it is made, so
+    that threads may share it.
     """
 
     def __init__(
@@ -58,11 +61,15 @@ class PriorContact:
         """
         self.config = config or PoseContactConfig()
         self.nodes = np.asarray(nodes, dtype=np.int64)
-        self._rest = np.ascontiguousarray(points[self.nodes])
+        self.rest = np.ascontiguousarray(points[self.nodes])
         self._triangles = np.searchsorted(self.nodes, triangles).astype(np.int64)
         self._compliance = compliance
-        c = self.config
-        self.law = (c.stiffness, c.stiffness, c.friction, c.smoothing)
+        self.skin = SkinPoints.of_triangles(self.rest, self._triangles, spacing=self.config.spacing)
+        self._places = np.einsum("pw,pwk->pk", self.skin.weights, self.rest[self.skin.stencil])
+        edges = np.sort(np.concatenate([self._triangles[:, pair] for pair in ((0, 1), (1, 2), (2, 0))]), axis=1)
+        pairs, count = np.unique(edges, axis=0, return_counts=True)
+        self._rim = np.zeros(len(self.nodes), dtype=bool)
+        self._rim[pairs[count == 1]] = True
 
     @staticmethod
     def of_prior(prior: ElasticPrior, config: PoseContactConfig | None = None) -> "PriorContact":
@@ -72,8 +79,16 @@ class PriorContact:
             prior.own_compliance, config,
         )
 
+    def at_the_rim(self, nodes: IntArray) -> bool:
+        """Whether one of some candidate nodes lies at the rim of the skin between the candidates."""
+        return bool(self._rim[np.searchsorted(self.nodes, nodes)].any())
+
+    def field(self, probe: ProbeGeometry) -> ProbeField:
+        """The distance from a probe, as `solve` wants it."""
+        return ProbeField.of_probe(probe, gap=self.config.gap)
+
     def solve(
-        self, probes: Sequence[ProbeGeometry], rotations: AnyArray, translations: AnyArray,
+        self, probes: Sequence[ProbeField], rotations: AnyArray, translations: AnyArray,
         history: ContactHistory | None = None,
     ) -> ContactPrediction:
         """Contact of `probes` at the given poses.
@@ -82,271 +97,135 @@ class PriorContact:
             probes: one or more, all pressing at the same time.
             rotations: of each, shape (k, 3, 3).
             translations: position of each tip [mm], shape (k, 3).
-            history: of an earlier call with the same probes near these poses. None: each probe came straight along
-                its axis, and the result depends on nothing asked before.
+            history: of an earlier call with the same probes. None: each probe came straight along its axis.
 
         Raises:
             InputError: not as many poses as probes, a pose that is no rotation or not finite, or another history.
         """
-        return self.open(probes, rotations, translations, history).solve()
+        return self.open(probes, rotations, translations, history).outcome()
 
-    def open(
-        self, probes: Sequence[ProbeGeometry], rotations: AnyArray, translations: AnyArray,
-        history: ContactHistory | None = None,
-    ) -> "ContactSession":
-        """Go down to just above the given poses, so that the last part of the way can be solved more than once.
+    def depth(self, probes: Sequence[ProbeField], rotations: AnyArray, translations: AnyArray) -> FloatArray:
+        """How far each probe has come along its axis since it first touched the resting skin [mm], shape (k,).
 
-        Arguments and errors are those of `solve`.
+        Negative before first touch; −inf where no skin lies in its way.
+
+        Raises:
+            InputError: as `solve`.
         """
         rotations, translations = check_poses(len(probes), rotations, translations)
-        if history is not None and len(history.grips) != len(probes):
+        return np.array([
+            self._touch(probe, rotation, translation).max(initial=-np.inf)
+            for probe, rotation, translation in zip(probes, rotations, translations, strict=True)
+        ])
+
+    def open(
+        self, probes: Sequence[ProbeField], rotations: AnyArray, translations: AnyArray,
+        history: ContactHistory | None = None,
+    ) -> ContactSession:
+        """Contact at the given poses, as a session that goes on from there. Arguments and errors are `solve`'s."""
+        rotations, translations = check_poses(len(probes), rotations, translations)
+        if history is not None and len(history.translations) != len(probes):
             raise InputError(
-                "history", expected=f"one of {len(probes)} probes", got=f"one of {len(history.grips)}",
+                "history", expected=f"one of {len(probes)} probes", got=f"one of {len(history.translations)}",
                 fix="carry the history of the same probes, or none",
             )
-        axes = rotations @ AXIS
-        patch, triangles = self._patch(probes, rotations, translations, axes, history)
-        rows = (3 * patch[:, None] + np.arange(3)).ravel()
-        compliance = np.ascontiguousarray(self._compliance[rows[:, None], rows])
-        rest = self._rest[patch]
-        force = np.zeros(3 * len(patch)) if history is None else history.force[patch].ravel()
-        grips = tuple(NO_GRIP for _ in probes) if history is None else history.grips
-        session = ContactSession(self, [], rest, patch, triangles, compliance, grips, force, True, 0)
-        substeps = self.config.substeps if history is None else 1
-        depths = np.array([
-            self._depth(probe, rotation, translation, axis, rest, triangles)
-            for probe, rotation, translation, axis in zip(probes, rotations, translations, axes, strict=True)
-        ]) if substeps > 1 else np.zeros(len(probes))
-        for step in range(1, substeps + 1):
-            back = (1.0 - step / substeps) * np.maximum(depths, 0.0)
-            placed = [
-                PlacedProbe(probe, rotation, translation, axis) for probe, rotation, translation, axis
-                in zip(probes, rotations, translations - back[:, None] * axes, axes, strict=True)
-            ]
-            session = replace(session, placed=placed)
-            if step < substeps:
-                solved = session.rounds(rest, force)
-                force, grips = solved.force, solved.grips(placed, self.nodes[patch], rest)
-                session = replace(
-                    session, force=force, grips=grips, converged=session.converged and solved.converged,
-                    iterations=session.iterations + solved.used,
-                )
-        return session
-
-    def _patch(
-        self, probes: Sequence[ProbeGeometry], rotations: FloatArray, translations: FloatArray, axes: FloatArray,
-        history: ContactHistory | None,
-    ) -> tuple[IntArray, IntArray]:
-        """Candidates in the shadows of the probes, by index, and the triangles between them, by index into these."""
+        placed = PlacedProbes(tuple(probes), rotations, translations)
+        if history is not None and not history.force.any():
+            history = None  # what has touched nothing has no past
+        touches = [
+            self._touch(*place) for place in zip(probes, rotations, translations, strict=True)
+        ]
+        depths = np.array([touch.max(initial=-np.inf) for touch in touches])
         near = np.zeros(len(self._triangles), dtype=bool)
-        keep = np.zeros(len(self.nodes), dtype=bool)
-        for probe, rotation, translation, axis in zip(probes, rotations, translations, axes, strict=True):
-            near |= shadowed(
-                probe.samples @ rotation.T + translation, self._rest, self._triangles, axis,
-                self.config.margin, self.config.gap + self.config.reach,
-            )
+        for place, touch in zip(zip(probes, rotations, translations, strict=True), touches, strict=True):
+            near |= self._shadow(*place, touch)
         if history is not None:
-            keep |= (history.force != 0.0).any(axis=1)
-            for grip in history.grips:
-                keep[np.searchsorted(self.nodes, grip.nodes.ravel())] = True
-        keep[self._triangles[near].ravel()] = True
-        patch = np.flatnonzero(keep)
+            for place in zip(probes, history.rotations, history.translations, strict=True):
+                near |= self._shadow(*place, self._touch(*place))
+            near |= (history.force != 0.0).any(axis=1)[self._triangles].any(axis=1)
+        session = self._session(placed, np.flatnonzero(near), depths, history)
+        if history is None:
+            return session.go(self._path_down(placed, depths))
+        return session.go(self._path_from(history, placed))
+
+    def _session(
+        self, placed: PlacedProbes, faces: IntArray, depths: FloatArray, history: ContactHistory | None,
+    ) -> ContactSession:
+        """Before anything is solved: the patch of skin, and the state that the history tells."""
+        chosen = self.skin.on_faces(faces)
+        patch = np.unique(self._triangles[faces])
         local = np.full(len(self.nodes), -1, dtype=np.int64)
         local[patch] = np.arange(len(patch))
-        triangles = local[self._triangles]
-        return patch, np.ascontiguousarray(triangles[(triangles >= 0).all(axis=1)])
+        rows = (3 * patch[:, None] + np.arange(3)).ravel()
+        k, nothing = len(placed.fields), np.zeros((len(patch), 3))
+        slip, lead = np.zeros((k, len(chosen), 3)), np.zeros((k, len(chosen)))
+        force, shift, where = nothing.ravel(), nothing, placed
+        if history is not None:
+            force, shift = history.force[patch].ravel(), history.shift[patch]
+            contacts = history.probe, np.searchsorted(chosen, history.point)
+            slip[contacts], lead[contacts] = history.slip, history.lead
+            where = replace(placed, rotations=history.rotations, translations=history.translations)
+        return ContactSession(
+            self, where, patch, chosen, local[self.skin.stencil[chosen]],
+            np.ascontiguousarray(self._compliance[rows[:, None], rows]), depths, shift, force, slip, lead,
+            np.zeros((k, len(chosen))), np.zeros((k, len(chosen), 3)), True, 0,
+        )
 
-    def _depth(
-        self, probe: ProbeGeometry, rotation: FloatArray, translation: FloatArray, axis: FloatArray, rest: FloatArray,
-        triangles: IntArray,
-    ) -> float:
-        """How far the probe must be drawn back along its axis before nothing lies within the gap [mm]."""
-        if not len(triangles):
-            return 0.0
-        samples, corners = probe.samples @ rotation.T + translation, probe.vertices @ rotation.T + translation
-        hit, weights, height = np.empty(len(samples), np.int64), np.empty((len(samples), 3)), np.empty(len(samples))
-        cast_along(samples, rest, triangles, axis, False, hit, weights, height)
-        above = float(height[hit >= 0].max(initial=-np.inf))
-        hit, weights, height = np.empty(len(rest), np.int64), np.empty((len(rest), 3)), np.empty(len(rest))
-        cast_along(rest, corners, probe.triangles, axis, True, hit, weights, height)
-        return max(above, float(-height[hit >= 0].min(initial=np.inf))) + self.config.gap
-
-
-@dataclass(frozen=True, eq=False)
-class ContactSession:
-    """Probes at their poses, and all that leads there: patch of skin, its compliance, grips and forces before.
-
-    Attributes:
-        contact: whose candidates and settings these are.
-        placed: the probes at the poses asked for.
-        rest: rest positions of the patch [mm], shape (p, 3).
-        patch: the patch by index into the candidates, shape (p,).
-        triangles: of the patch, by index into it, shape (t, 3).
-        compliance: of the patch, shape (3 p, 3 p).
-        grips: before the last part of the way.
-        force: gradient of contact before it, shape (3 p,).
-        converged, iterations: of the solves so far.
-    """
-
-    contact: PriorContact
-    placed: "list[PlacedProbe]"
-    rest: FloatArray
-    patch: IntArray
-    triangles: IntArray
-    compliance: FloatArray
-    grips: tuple[Grip, ...]
-    force: FloatArray
-    converged: bool
-    iterations: int
-
-    @property
-    def nodes(self) -> IntArray:
-        """Mesh nodes of the patch, ascending, shape (p,)."""
-        found: IntArray = self.contact.nodes[self.patch]
+    def _touch(self, probe: ProbeField, rotation: FloatArray, translation: FloatArray) -> FloatArray:
+        """How far beyond the underside of a placed probe each point of the resting skin lies [mm], shape (p,)."""
+        found = np.empty(len(self._places))
+        touch_depths(self._places, rotation, translation, probe.underside, probe.origin, probe.spacing, found)
         return found
 
-    def solve(self, shift: FloatArray | None = None, before: ContactPrediction | None = None) -> ContactPrediction:
-        """Contact at the poses.
+    def _shadow(
+        self, probe: ProbeField, rotation: FloatArray, translation: FloatArray, touch: FloatArray,
+    ) -> BoolArray:
+        """Whether each triangle may be touched on the way to a pose, shape (t,): it lies near the probe's shadow."""
+        near = np.zeros(len(self._triangles), dtype=bool)
+        if not touch.max(initial=-np.inf) > -self.config.reach:
+            return near
+        local = (self._places - translation) @ rotation
+        columns = np.argwhere(probe.underside < self.config.deepest)
+        if not len(columns):
+            return near
+        low, high = columns.min(axis=0), columns.max(axis=0)
+        inside = np.ones(len(local), dtype=bool)
+        for axis, (first, last) in zip((0, 2), zip(low, high, strict=True), strict=True):
+            start = probe.origin[axis] + probe.spacing * first - self.config.margin
+            end = probe.origin[axis] + probe.spacing * last + self.config.margin
+            inside &= (local[:, axis] >= start) & (local[:, axis] <= end)
+        near[self.skin.face[inside]] = True
+        return near
 
-        Args:
-            shift: where the patch would be without contact, relative to rest [mm], shape (p, 3); None for rest.
-            before: a solve of this session; friction refers to the same places, and its forces are the first guess.
+    def _path_down(self, placed: PlacedProbes, depths: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The straight way down, from first touch of the first probe that touches: placements before and after steps.
+
+        A probe that touches later waits at first touch.
         """
-        free = self.rest if shift is None else self.rest + shift
-        if before is None:
-            solved = self.rounds(free, self.force)
-        else:
-            start = before.history.force[self.patch].ravel()
-            solved = replace(self, grips=before.pairs).rounds(free, start)
-        moved = solved.y.reshape(-1, 3) if shift is None else solved.y.reshape(-1, 3) + shift
-        grips = solved.grips(self.placed, self.nodes, free)
-        return solved.prediction(
-            self, moved, free, grips, self.converged and solved.converged, self.iterations + solved.used,
+        deepest = float(depths.max(initial=-np.inf))
+        if not deepest > 0.0:
+            return placed.rotations[None], placed.translations[None]
+        step = self.config.step
+        reached = np.append(np.arange(0.0, deepest - 1e-9, step), deepest)
+        back = np.minimum(deepest - reached[:, None], np.maximum(depths, 0.0))
+        axes = placed.rotations @ PROBE_AXIS
+        return (
+            np.repeat(placed.rotations[None], len(reached), axis=0),
+            placed.translations - back[..., None] * axes,
         )
 
-    def rounds(self, free: FloatArray, force: FloatArray) -> "_Solved":
-        """Pair and solve as often as the settings say, from first `force`."""
-        solved, used, met = None, 0, True
-        for _ in range(self.contact.config.rounds):
-            solved = self._round(free, force)
-            force, used, met = solved.force, used + solved.used, met and solved.converged
-        assert solved is not None
-        return replace(solved, used=used, converged=met)
-
-    def _round(
-        self, free: FloatArray, force: FloatArray,
-    ) -> "_Solved":
-        """Pair at the skin that `force` makes, and solve."""
-        config = self.contact.config
-        x = free - (self.compliance @ force).reshape(-1, 3)
-        paired = [
-            pair_contacts(
-                *probe.placed(), probe.geometry.triangles, probe.axis, config.gap, config.reach, x, self.triangles,
-                *self._held(probe, grip),
-            ) for probe, grip in zip(self.placed, self.grips, strict=True)
-        ]
-        joined = [np.concatenate(parts) for parts in zip(*paired, strict=True)]
-        force, y, push, slip, met, used = solve_contacts(
-            free, self.compliance, force, *joined[1:], self.contact.law, config.tolerance, config.max_iterations,
-        )
-        owner = np.repeat(np.arange(len(paired)), [len(part[0]) for part in paired])
-        return _Solved(force, y, joined, owner, push, slip, self.contact.law, met, used)
-
-    def _held(
-        self, probe: "PlacedProbe", grip: Grip,
-    ) -> tuple[BoolArray, IntArray, FloatArray, FloatArray]:
-        """The grip by contact point: which have one, place of the skin by index into the patch, placed anchor."""
-        n_samples = len(probe.geometry.samples)
-        n = n_samples + len(self.patch)
-        held, vertices = np.zeros(n, dtype=np.bool_), np.zeros((n, 3), dtype=np.int64)
-        weights, anchor = np.zeros((n, 3)), np.zeros((n, 3))
-        if len(grip.point):
-            nodes = self.nodes
-            by_node = n_samples + np.searchsorted(nodes, np.maximum(-1 - grip.point, 0))
-            key = np.where(grip.point >= 0, grip.point, by_node)
-            held[key], vertices[key], weights[key] = True, np.searchsorted(nodes, grip.nodes), grip.weights
-            anchor[key] = grip.anchor @ probe.rotation.T + probe.translation
-        return held, vertices, weights, anchor
-
-
-@dataclass(frozen=True, eq=False)
-class _Solved:
-    """One solve: forces and displacement of the patch, its contacts, the probe of each, their forces and slips."""
-
-    force: FloatArray
-    y: FloatArray
-    contacts: list[AnyArray]
-    owner: IntArray
-    push: FloatArray
-    slip: FloatArray
-    law: tuple[float, float, float, float]
-    converged: bool
-    used: int
-
-    def grips(
-        self, placed: list[PlacedProbe], nodes: IntArray, free: FloatArray, *, before: bool = False,
-    ) -> tuple[Grip, ...]:
-        """What holds now: each place of the skin under force, its anchor moved on as far as it slid.
-
-        With `before`, all places that were paired, and their anchors as they were.
-        """
-        key, _, _, stencil, weights = self.contacts[:5]
-        x = free + self.y.reshape(-1, 3)
-        anchors = self.contacts[7] if before else np.einsum("hc,hck->hk", weights, x[stencil]) - self.slip
-        found = []
-        for k, probe in enumerate(placed):
-            on = np.flatnonzero((self.owner == k) & ((self.push > 0.0) | before))
-            anchor = (anchors[on] - probe.translation) @ probe.rotation
-            n_samples = len(probe.geometry.samples)
-            vertex = nodes[np.clip(key[on] - n_samples, 0, len(nodes) - 1)]
-            point = np.where(key[on] < n_samples, key[on], -1 - vertex)
-            found.append(Grip(point, nodes[stencil[on]], weights[on], anchor))
-        return tuple(found)
-
-    def prediction(
-        self, session: ContactSession, moved: FloatArray, free: FloatArray, grips: tuple[Grip, ...], converged: bool,
-        iterations: int,
-    ) -> ContactPrediction:
-        """The outcome by mesh nodes and probes."""
-        patch, nodes = session.patch, session.nodes
-        _, stencil, weights, grip, grip_weights, normal = self.contacts[:6]
-        x = free + self.y.reshape(-1, 3)
-        _, k_t, mu, _ = self.law
-        normal_force, friction = self.push[:, None] * normal, -k_t * self.slip
-        wrench, sliding = np.zeros((len(grips), 6)), np.zeros(len(grips))
-        for p in range(len(grips)):
-            on = np.flatnonzero((self.owner == p) & (self.push > 0.0))
-            for force, vertices, share in (
-                (normal_force[on], stencil[on], weights[on]), (friction[on], grip[on], grip_weights[on]),
-            ):
-                arm = np.einsum("hc,hck->hk", share, x[vertices]) - session.placed[p].translation
-                wrench[p, :3] -= force.sum(axis=0)
-                wrench[p, 3:] -= np.cross(arm, force).sum(axis=0)
-            slides = k_t * np.linalg.norm(self.slip[on], axis=1) >= mu * self.push[on] * (1.0 - 1e-9)
-            sliding[p] = float(self.push[on][slides].sum()) / max(float(self.push[on].sum()), 1e-12)
-        forces = -self.force.reshape(-1, 3)
-        loaded = np.flatnonzero((forces != 0.0).any(axis=1))
-        everywhere = np.zeros((len(session.contact.nodes), 3))
-        everywhere[patch] = self.force.reshape(-1, 3)
-        return ContactPrediction(
-            nodes[loaded], moved[loaded], forces[loaded], self._shares(forces, len(grips))[:, loaded], wrench, sliding,
-            self.grips(session.placed, nodes, free, before=True), ContactHistory(grips, everywhere), converged,
-            iterations,
-        )
-
-    def _shares(self, forces: FloatArray, n_probes: int) -> FloatArray:
-        """Forces of each probe on the patch [N], shape (k, p, 3)."""
-        if n_probes == 1:
-            return forces[None]
-        _, stencil, weights, grip, grip_weights, normal = self.contacts[:6]
-        shares = np.zeros((n_probes, *forces.shape))
-        k_t = self.law[1]
-        for force, vertices, share in (
-            (self.push[:, None] * normal, stencil, weights), (-k_t * self.slip, grip, grip_weights),
-        ):
-            owner = np.repeat(self.owner[:, None], 3, axis=1)
-            np.add.at(shares, (owner, vertices), share[:, :, None] * force[:, None, :])
-        return shares
+    def _path_from(self, history: ContactHistory, placed: PlacedProbes) -> tuple[FloatArray, FloatArray]:
+        """The way from the poses of a history: straight, turning steadily."""
+        turn = vector_from_rotation(placed.rotations @ history.rotations.transpose(0, 2, 1))
+        way = placed.translations - history.translations
+        far = np.linalg.norm(way, axis=1) + np.linalg.norm(turn, axis=1) * self.config.arm
+        steps = int(np.clip(np.ceil(far.max() / self.config.step - 1e-9), 1, self.config.most_steps))
+        share = np.linspace(0.0, 1.0, steps + 1)
+        rotations = rotation_from_vector(share[:, None, None] * turn) @ history.rotations
+        rotations[-1] = placed.rotations
+        translations = history.translations + share[:, None, None] * way
+        translations[-1] = placed.translations
+        return rotations, translations
 
 
 def candidate_triangles(mesh: TissueMesh, nodes: IntArray) -> IntArray:

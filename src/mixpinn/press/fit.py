@@ -1,4 +1,8 @@
-"""Fit what simulations teach about contact from the pose: modes and ridge regressions of `PoseCorrection`."""
+"""Fit what simulations teach about contact from the pose: the correction, the errors to expect, the poses learned from.
+
+Positions are left out in turn: the size of the correction is the one that serves best where it was not fitted, and the
+errors are those of predictions at positions left out.
+"""
 
 from dataclasses import dataclass, replace
 
@@ -7,16 +11,23 @@ import numpy as np
 from mixpinn.base.arrays import AnyArray, Float32Array, FloatArray, IntArray
 from mixpinn.base.errors import InputError
 from mixpinn.base.progress import track
-from mixpinn.press.model import PoseCorrection, PoseModel
+from mixpinn.press.domain import PoseDomain
+from mixpinn.press.error_law import PoseErrorLaw
+from mixpinn.press.model import PoseCorrection, PoseModel, Uncorrected
 from mixpinn.records import SampleTable
+from mixpinn.reduced.coordinates import ReducedCoordinates
 from mixpinn.reduced.modes import coefficients, principal_modes
 from mixpinn.reduced.quadratic_features import quadratic_features
 from mixpinn.reduced.ridge import column_norms, ridge
 
-RIDGES = (1e-5, 1e-4, 1e-3, 1e-2)
+RIDGES = (1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0, 10.0, 100.0)
 """Strengths that are tried, relative to features of norm 1; the grid was chosen by hand, the value by validation."""
-SIZES = (8, 12, 16, 24)
+SIZES = (2, 4, 8, 12, 16, 24)
 """Numbers of coordinates that are tried; the grid was chosen by hand, the value by validation."""
+FIELD, FORCE = slice(None, -6), slice(-6, -3)
+"""Targets of the regression: coefficients of the field's modes, then force and moment."""
+_LARGEST = 2.0
+"""A correction may grow to so many times the largest one, relative to the whole, that training samples ask for."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,82 +35,142 @@ class PoseSamples:
     """Predictions without correction beside the truth; N samples.
 
     Attributes:
-        coordinates: a, shape (N, k).
-        unknowns: predicted, float32, shape (N, D).
+        base: the predictions.
         truth: unknowns of the simulated fields, float32, shape (N, D).
-        wrench: predicted, shape (N, 6).
         true_wrench: simulated, shape (N, 6).
+        group: position of each sample, shape (N,).
+        rotations, translations: of the probe, shapes (N, 3, 3) and (N, 3) [mm].
     """
 
-    coordinates: Float32Array
-    unknowns: Float32Array
+    base: list[Uncorrected]
     truth: Float32Array
-    wrench: FloatArray
     true_wrench: FloatArray
+    group: IntArray
+    rotations: FloatArray
+    translations: FloatArray
+
+    @property
+    def coordinates(self) -> Float32Array:
+        """a of all forces, shape (N, k)."""
+        return np.array([base.coordinates for base in self.base])
+
+    @property
+    def missed(self) -> Float32Array:
+        """What the predicted unknowns miss, shape (N, D)."""
+        found: Float32Array = self.truth - np.array([base.unknowns for base in self.base])
+        return found
+
+    @property
+    def missed_wrench(self) -> FloatArray:
+        """What the predicted wrenches miss, shape (N, 6)."""
+        found: FloatArray = self.true_wrench - np.array([base.contact.wrench[0] for base in self.base])
+        return found
 
 
 def collect(model: PoseModel, table: SampleTable, chosen: IntArray | None = None) -> PoseSamples:
-    """Predict the samples `chosen` (by default all) of `table` from the pose, with the first probe of `model`."""
+    """Predict the samples `chosen` (by default all) of `table` from the pose, with the first probe of `model`.
+
+    Samples whose contact does not converge are left out.
+    """
     index = np.arange(len(table)) if chosen is None else chosen
     coordinates = model.hybrid.prior.coordinates
-    found, unknowns, truth, wrench = [], [], [], []
+    found, truth, kept = [], [], []
     for i in track(list(index), "contact from the pose"):
         base = model.uncorrected(table.probe_rotation[i][None], table.probe_translation[i][None])
-        found.append(base.coordinates)
-        unknowns.append(base.unknowns)
-        truth.append(coordinates.project(table.displacement[i]).astype(np.float32))
-        wrench.append(base.contact.wrench[0])
+        if base.contact.converged and len(base.contact.nodes):
+            found.append(base)
+            truth.append(coordinates.project(table.displacement[i]).astype(np.float32))
+            kept.append(i)
     return PoseSamples(
-        np.array(found), np.array(unknowns), np.array(truth), np.array(wrench), table.probe_wrench[index],
+        found, np.array(truth, dtype=np.float32).reshape(len(kept), coordinates.size), table.probe_wrench[kept],
+        table.position_index[kept], table.probe_rotation[kept], table.probe_translation[kept],
     )
 
 
 def fit_pose(
-    model: PoseModel, training: PoseSamples, validation: PoseSamples, *, n_modes: int = 32, seed: int = 0,
+    model: PoseModel, samples: PoseSamples, *, n_modes: int = 32, folds: int = 8, seed: int = 0,
 ) -> PoseModel:
-    """`model` with a correction; the number of coordinates and the ridge are those that serve `validation` best.
+    """`model` with a correction, the errors to expect of it, and the poses that it was learned from.
 
     Args:
         model: without correction.
-        training: of positions to learn from.
-        validation: of other positions.
+        samples: to learn from.
         n_modes: of the correction; the default was chosen by hand.
+        folds: parts of the positions that are left out in turn.
         seed: of the modes.
 
     Raises:
-        InputError: no samples.
+        InputError: samples at fewer than two positions.
     """
-    if not len(training.wrench) or not len(validation.wrench):
+    positions = np.unique(samples.group)
+    if len(positions) < 2:
         raise InputError(
-            "pose correction", expected="samples to train and to validate on", got="none", fix="simulate more poses",
+            "pose correction", expected="samples at two positions or more", got=f"at {len(positions)}",
+            fix="simulate more poses",
         )
+    fold = np.searchsorted(positions, samples.group) % min(folds, len(positions))
     weights = model.hybrid.prior.coordinates.weights
-    modes = principal_modes(
-        training.truth - training.unknowns, weights, n_modes, rng=np.random.default_rng(seed),
-    )
-    missing = coefficients(modes, weights, training.truth - training.unknowns)
-    left = coefficients(modes, weights, validation.truth - validation.unknowns)
-    wrench, wrench_left = training.true_wrench - training.wrench, validation.true_wrench - validation.wrench
-    best: list[tuple[float, PoseCorrection]] = []
+    modes = principal_modes(samples.missed, weights, n_modes, rng=np.random.default_rng(seed))
+    targets = np.concatenate([coefficients(modes, weights, samples.missed), samples.missed_wrench], axis=1)
+    best: list[tuple[float, float, PoseCorrection, FloatArray]] = []
     for size in SIZES:
-        k = min(size, training.coordinates.shape[1])
-        scale = (training.coordinates[:, :k].std(axis=0) + 1e-12).astype(np.float32)
-        known = quadratic_features(training.coordinates[:, :k] / scale)
-        asked = quadratic_features(validation.coordinates[:, :k] / scale)
+        k = min(size, samples.coordinates.shape[1])
+        scale = (samples.coordinates[:, :k].std(axis=0) + 1e-12).astype(np.float32)
+        features = quadratic_features(samples.coordinates[:, :k] / scale)
         for strength in RIDGES:
-            solved = ridge(
-                known, np.concatenate([missing, wrench], axis=1), penalty=strength, scale=column_norms(known),
-            )
-            gain, wrench_gain = solved[:, : len(modes)], solved[:, len(modes):]
-            correction = PoseCorrection(modes, gain.astype(np.float32), wrench_gain, scale)
-            field_error = float(np.linalg.norm(asked @ gain - left, axis=1).mean())
-            force_error = float(np.linalg.norm((asked @ wrench_gain - wrench_left)[:, :3], axis=1).mean())
-            best.append((field_error, correction))
-            best.append((force_error, correction))
-    field = min(best[0::2], key=lambda found: found[0])[1]
-    force = min(best[1::2], key=lambda found: found[0])[1]
+            left = np.empty_like(targets)
+            for part in np.unique(fold):
+                out = fold == part
+                known = features[~out]
+                left[out] = features[out] @ ridge(known, targets[~out], penalty=strength, scale=column_norms(known))
+            solved = ridge(features, targets, penalty=strength, scale=column_norms(features))
+            rest = targets - left
+            field_error, force_error = (float(np.linalg.norm(rest[:, of], axis=1).mean()) for of in (FIELD, FORCE))
+            gain = solved[:, FIELD].astype(np.float32)
+            found = PoseCorrection(modes, gain, solved[:, -6:], scale, np.full(2, np.inf))
+            best.append((field_error, force_error, found, left))
+    field, force = min(best, key=lambda found: found[0]), min(best, key=lambda found: found[1])
+    left = np.concatenate([field[3][:, :-6], force[3][:, -6:]], axis=1)
     # One set of features serves both: coordinates of the larger choice, with zero rows where the other has none.
-    return replace(model, correction=_joined(field, force))
+    correction = replace(_joined(field[2], force[2]), largest=_largest(model, samples, targets))
+    depths = np.array([base.contact.depths[0] for base in samples.base])
+    domain = PoseDomain.of_samples(model.hybrid.mesh, samples.rotations, samples.translations, depths)
+    return replace(model, correction=correction, domain=domain, error=_calibrate(model, samples, modes, left))
+
+
+def _largest(model: PoseModel, samples: PoseSamples, targets: FloatArray) -> FloatArray:
+    """Largest corrections of field and force that the samples ask for, relative to these, with room to grow."""
+    weights = model.hybrid.prior.coordinates.weights
+    field = np.array([np.linalg.norm(weights * base.unknowns) for base in samples.base])
+    force = np.array([np.linalg.norm(base.contact.wrench[0, :3]) for base in samples.base])
+    asked = np.stack([
+        np.linalg.norm(targets[:, :-6], axis=1) / np.maximum(field, 1e-6),
+        np.linalg.norm(targets[:, -6:-3], axis=1) / np.maximum(force, 1e-6),
+    ])
+    found: FloatArray = _LARGEST * np.quantile(asked, 0.95, axis=1)
+    return found
+
+
+def _calibrate(model: PoseModel, samples: PoseSamples, modes: Float32Array, left: FloatArray) -> PoseErrorLaw:
+    """The law of the errors of predictions at positions left out, whose corrections are `left` (N, m + 6)."""
+    coordinates = model.hybrid.prior.coordinates
+    signs, errors = [], []
+    for i, base in enumerate(samples.base):
+        unknowns = base.unknowns + left[i, :-6].astype(np.float32) @ modes
+        wrench = base.contact.wrench + left[i, -6:]
+        signs.append(model.signs(base, unknowns, wrench))
+        errors.append(pose_errors(coordinates, unknowns, wrench[0], samples.truth[i], samples.true_wrench[i]))
+    return PoseErrorLaw.fit(np.array(signs), np.array(errors), samples.group)
+
+
+def pose_errors(
+    coordinates: ReducedCoordinates, unknowns: AnyArray, wrench: AnyArray, truth: AnyArray, true_wrench: AnyArray,
+) -> FloatArray:
+    """Errors in the order of `mixpinn.press.error_law.TARGETS`, shape (3,); unknowns (D,) and wrenches (6,)."""
+    field = np.linalg.norm(coordinates.expand(unknowns) - coordinates.expand(truth), axis=1).mean()
+    force = np.linalg.norm(wrench[:3] - true_wrench[:3])
+    apart = coordinates.twists(unknowns)[:, :3] - coordinates.twists(truth)[:, :3]
+    return np.array([field, force, np.linalg.norm(apart, axis=1).max(initial=0.0)])
 
 
 def _joined(field: PoseCorrection, force: PoseCorrection) -> PoseCorrection:
@@ -107,7 +178,7 @@ def _joined(field: PoseCorrection, force: PoseCorrection) -> PoseCorrection:
     larger = max(field, force, key=lambda found: len(found.scale))
     return PoseCorrection(
         field.modes, _widened(field.gain, len(field.scale), len(larger.scale)).astype(np.float32),
-        _widened(force.wrench_gain, len(force.scale), len(larger.scale)), larger.scale,
+        _widened(force.wrench_gain, len(force.scale), len(larger.scale)), larger.scale, larger.largest,
     )
 
 

@@ -3,10 +3,11 @@
 Contact is solved on the linear body (`mixpinn.press.contact`), which makes forces λ⁰ and unknowns q⁰ = C λ⁰. One
 Newton step of the true equilibrium from there, restricted to the patch of skin, says where the skin would really be,
 
-    s = q⁰_P + W λ⁰ − C_Pᵀ r(q⁰),    r the residual with λ⁰ among the forces,
+    s = −C_Pᵀ r(q⁰),    r the residual with λ⁰ among the forces,
 
-and contact is solved again on y = s − W λ. The displacement of the loaded nodes then goes to the hybrid model, as one
-that was given would. What is left comes from contact, not from the body: it is learned from simulations as
+and contact goes on from where it is to equilibrium with y = s − W λ. The displacement of the loaded nodes then goes to
+the hybrid model, as one that was given would. What is left comes from contact, not from the body: it is learned from
+simulations as
 
     q = q_hybrid + Ωᵀ H φ,    w = w¹ + K φ_p,    φ = [a, a ⊗ a],
 
@@ -21,11 +22,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from mixpinn.base.arrays import AnyArray, Float32Array, FloatArray
-from mixpinn.press.contact import ContactSession, PriorContact
-from mixpinn.press.records import ContactHistory, ContactPrediction, ProbeGeometry
+from mixpinn.press.contact import PriorContact
+from mixpinn.press.domain import PoseDomain
+from mixpinn.press.error_law import PoseErrorLaw
+from mixpinn.press.probe_field import ProbeField
+from mixpinn.press.records import ContactHistory, ContactPrediction, check_poses
+from mixpinn.press.session import ContactSession
+from mixpinn.records.answer import Trust
 from mixpinn.reduced.hybrid import HybridModel
 from mixpinn.reduced.quadratic_features import quadratic_features
 from mixpinn.reduced.row_products import combine_rows, rows_times
+
+_LARGEST_SHIFT = 0.6
+"""A Newton step moves no node of the skin by more than this part of the linear answer's largest displacement."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,12 +46,14 @@ class PoseCorrection:
         gain: H, shape (f, m).
         wrench_gain: K, shape (f, 6).
         scale: of each coordinate, by which it is divided, shape (k,).
+        largest: how large the correction of a field and of a force may be, relative to them, shape (2,).
     """
 
     modes: Float32Array
     gain: Float32Array
     wrench_gain: FloatArray
     scale: Float32Array
+    largest: FloatArray
 
     def features(self, coordinates: AnyArray) -> Float32Array:
         """φ of coordinates (…, ≥ k), shape (…, f)."""
@@ -59,6 +70,7 @@ class PosePrediction:
         twists: translation of the centroid [mm] and rotation vector [rad] of each rigid part, shape (K, 6).
         wrench: force [N] and moment about the tip [N mm] of the tissue on each probe, shape (k, 6).
         contact: which nodes, how far, with what force; its history may be handed to the next call.
+        trust: what to think of it.
     """
 
     displacement: Float32Array
@@ -66,16 +78,28 @@ class PosePrediction:
     twists: FloatArray
     wrench: FloatArray
     contact: ContactPrediction
+    trust: Trust
 
 
 @dataclass(frozen=True, eq=False)
 class Uncorrected:
-    """A prediction before the learned correction: contact, unknowns (D,), coordinates (k,) and of each probe (p, k)."""
+    """A prediction before the learned correction; k coordinates, p probes.
+
+    Attributes:
+        contact: nodes, displacement, forces.
+        unknowns: [mm, rad], shape (D,).
+        coordinates: a of all forces, shape (k,).
+        of_probes: a of the forces of each probe, shape (p, k).
+        bent: root mean square of the shift by the Newton step [mm].
+        stepped: norm of the hybrid model's correction [mm times √n].
+    """
 
     contact: ContactPrediction
     unknowns: Float32Array
     coordinates: Float32Array
     of_probes: Float32Array
+    bent: float = 0.0
+    stepped: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,14 +110,18 @@ class PoseModel:
         hybrid: contact displacement in, displacement out.
         contact: contact of poses on its prior.
         probes: that poses may be given of.
+        domain: which poses were learned from.
         correction: learned from simulations, if any.
+        error: which errors to expect, where the model was calibrated.
         steps: Newton steps of contact; 0 leaves it on the linear body.
     """
 
     hybrid: HybridModel
     contact: PriorContact
-    probes: tuple[ProbeGeometry, ...]
+    probes: tuple[ProbeField, ...]
+    domain: PoseDomain
     correction: PoseCorrection | None = None
+    error: PoseErrorLaw | None = None
     steps: int = 1
 
     def predict(
@@ -110,21 +138,78 @@ class PoseModel:
                 its axis, and the result depends on nothing asked before.
 
         Raises:
-            InputError: poses that are no rotations, not finite, or not as many as probes.
+            InputError: poses that are no rotations, not finite, or not as many as probes; or that make no sense: from
+                another side of the body than was learned, or far beyond first touch.
         """
-        base = self.uncorrected(rotations, translations, probes=probes, history=history)
-        unknowns, wrench = base.unknowns, base.contact.wrench
-        if self.correction is not None and len(base.contact.nodes):
-            correction = self.correction
-            unknowns = unknowns.copy()
-            combine_rows(
-                correction.modes, np.arange(len(correction.modes)),
-                correction.features(base.coordinates) @ correction.gain, unknowns,
-            )
-            wrench = wrench + correction.features(base.of_probes).astype(np.float64) @ correction.wrench_gain
+        chosen = range(len(np.asarray(translations))) if probes is None else probes
+        fields = [self.probes[i] for i in chosen]
+        turns, places = check_poses(len(fields), rotations, translations)
+        self.domain.refuse_nonsense(turns, self.contact.depth(fields, turns, places))
+        base = self.uncorrected(turns, places, probes=chosen, history=history)
+        unknowns, wrench = self.corrected(base)
         coordinates = self.hybrid.prior.coordinates
-        return PosePrediction(
-            coordinates.expand(unknowns), unknowns, coordinates.twists(unknowns), wrench, base.contact,
+        displacement = coordinates.expand(unknowns)
+        trust = self._trust(base, unknowns, wrench, (turns, places), displacement)
+        return PosePrediction(displacement, unknowns, coordinates.twists(unknowns), wrench, base.contact, trust)
+
+    def corrected(self, base: Uncorrected) -> tuple[Float32Array, FloatArray]:
+        """Unknowns (D,) and wrenches (p, 6) with what was learned, which stays a limited part of the whole."""
+        unknowns, wrench = base.unknowns, base.contact.wrench
+        correction = self.correction
+        if correction is None or not len(base.contact.nodes):
+            return unknowns, wrench
+        amount = correction.features(base.coordinates) @ correction.gain
+        size, whole = float(np.linalg.norm(amount)), self._size(unknowns)
+        amount *= min(1.0, float(correction.largest[0]) * whole / max(size, 1e-12))
+        unknowns = unknowns.copy()
+        combine_rows(correction.modes, np.arange(len(correction.modes)), amount.astype(np.float32), unknowns)
+        more = correction.features(base.of_probes).astype(np.float64) @ correction.wrench_gain
+        size = np.linalg.norm(more[:, :3], axis=1)
+        whole = np.linalg.norm(wrench[:, :3], axis=1)
+        more *= np.minimum(1.0, correction.largest[1] * whole / np.maximum(size, 1e-12))[:, None]
+        return unknowns, wrench + more
+
+    def signs(self, base: Uncorrected, unknowns: Float32Array, wrench: FloatArray) -> FloatArray:
+        """What errors show in: field, force, depth, bend, step of the hybrid model, learned parts [mm, N], (7,)."""
+        root = np.sqrt(self.hybrid.mesh.n_points)
+        return np.array([
+            self._size(unknowns) / root, np.linalg.norm(wrench[:, :3]), max(float(base.contact.depths.max()), 0.0),
+            base.bent, base.stepped / root, self._size(unknowns - base.unknowns) / root,
+            np.linalg.norm((wrench - base.contact.wrench)[:, :3]),
+        ])
+
+    def _size(self, unknowns: Float32Array) -> float:
+        """Root of the sum of squared displacements of all nodes [mm]."""
+        return float(np.linalg.norm(self.hybrid.prior.coordinates.weights * unknowns))
+
+    def _trust(
+        self, base: Uncorrected, unknowns: Float32Array, wrench: FloatArray, poses: tuple[FloatArray, FloatArray],
+        displacement: Float32Array,
+    ) -> Trust:
+        """Expected errors and bounds; reasons why the answer is outside, or why nothing moves."""
+        contact = base.contact
+        outside = list(self.domain.reasons(*poses, contact.depths))
+        notes = [] if contact.converged else ["contact did not converge"]
+        if not len(contact.nodes):
+            notes.append("the probe touches nothing: nothing moves")
+            return Trust(
+                expected=0.0, bound=0.0, level=1.0, outside=bool(outside), reasons=(*outside, *notes),
+                converged=contact.converged, force_expected=0.0, force_bound=0.0, motion_expected=0.0, motion_bound=0.0,
+            )
+        farthest = float(np.sqrt((displacement.astype(np.float64) ** 2).sum(axis=1).max()))
+        if not farthest <= 1.5 * contact.depths.max() + 2.0:
+            outside.append(f"a node moves by {farthest:.0f} mm, farther than the probe pushes")
+        if self.contact.at_the_rim(contact.nodes):
+            outside.append("contact reaches the rim of the skin that was prepared")
+        reasons = (*outside, *notes)
+        if self.error is None:
+            return Trust(outside=bool(outside), reasons=reasons, converged=contact.converged)
+        expected = self.error.expected(self.signs(base, unknowns, wrench))
+        bound = self.error.factor * expected
+        return Trust(
+            float(expected[0]), float(bound[0]), self.error.level, bool(outside), reasons, contact.converged,
+            force_expected=float(expected[1]), force_bound=float(bound[1]), motion_expected=float(expected[2]),
+            motion_bound=float(bound[2]),
         )
 
     def uncorrected(
@@ -134,43 +219,44 @@ class PoseModel:
         """The prediction without what was learned about contact; arguments of `predict`."""
         chosen = range(len(np.asarray(translations))) if probes is None else probes
         session = self.contact.open([self.probes[i] for i in chosen], rotations, translations, history)
-        contact = session.solve()
         prior = self.hybrid.prior
         readers = self.hybrid.readers
-        if not len(contact.nodes):
-            zero = np.zeros(len(readers), dtype=np.float32)
-            return Uncorrected(
-                contact, np.zeros(prior.coordinates.size, dtype=np.float32), zero,
-                np.tile(zero, (len(session.placed), 1)),
-            )
-        unknowns = None
+        bent = 0.0
         for _ in range(self.steps):
-            if unknowns is None:
-                unknowns = prior.respond_to_forces(prior.hold(contact.nodes), contact.forces.ravel())
-            again = session.solve(self._shift(session, contact, unknowns), contact)
-            if not again.converged or not len(again.nodes):
+            if not session.force.any():
                 break
-            contact = again
-            unknowns = None
+            shift = self._shift(session)
+            bent = float(np.sqrt((shift**2).sum(axis=1).mean()))
+            session = session.shifted(shift)
+        contact = session.outcome()
+        if not len(contact.nodes):
+            still, zero = (np.zeros(size, dtype=np.float32) for size in (prior.coordinates.size, len(readers)))
+            return Uncorrected(contact, still, zero, np.tile(zero, (len(contact.wrench), 1)))
         rows = prior.hold(contact.nodes).rows
         state = self.hybrid.solve(contact.nodes, contact.displacement)
         shares = contact.shares.reshape(len(contact.shares), -1).astype(np.float32)
         part = readers[:, rows]
-        return Uncorrected(contact, state.unknowns, part @ shares.sum(axis=0), shares @ part.T)
+        return Uncorrected(
+            contact, state.unknowns, part @ shares.sum(axis=0), shares @ part.T, bent,
+            float(np.linalg.norm(state.correction)),
+        )
 
-    def _shift(
-        self, session: ContactSession, contact: ContactPrediction, unknowns: Float32Array,
-    ) -> FloatArray:
-        """Where the patch would be without contact after one Newton step, relative to rest [mm], shape (p, 3)."""
+    def _shift(self, session: ContactSession) -> FloatArray:
+        """Where the patch would be without contact after one Newton step, relative to rest [mm], shape (n, 3)."""
         prior, equilibrium = self.hybrid.prior, self.hybrid.newton.equilibrium
         coordinates = prior.coordinates
-        held = prior.hold(contact.nodes)
+        force = -session.force.reshape(-1, 3)
+        on = np.flatnonzero((force != 0.0).any(axis=1))
+        held = prior.hold(session.nodes[on])
+        unknowns = prior.respond_to_forces(held, force[on].ravel())
         residual = equilibrium.residual(coordinates.expand(unknowns), coordinates)
-        residual[held.unknowns] -= contact.forces.ravel().astype(np.float32)
+        residual[held.unknowns] -= force[on].ravel().astype(np.float32)
         patch = prior.hold(session.nodes)
         answer = np.empty(len(patch.rows), dtype=np.float32)
         rows_times(prior.compliance, patch.rows, residual, answer)
-        here = unknowns[patch.unknowns].astype(np.float64)
-        force = -contact.history.force[session.patch].ravel()
-        shift: FloatArray = here - session.compliance @ force - answer
-        return shift.reshape(-1, 3)
+        shift: FloatArray = -answer.reshape(-1, 3).astype(np.float64)
+        # Where the linear answer is so far off that the step means nothing, it stays a part of that answer.
+        here = unknowns[patch.unknowns].reshape(-1, 3).astype(np.float64)
+        most = _LARGEST_SHIFT * np.sqrt((here**2).sum(axis=1).max())
+        size = np.sqrt((shift**2).sum(axis=1).max())
+        return shift * min(1.0, float(most) / max(float(size), 1e-12))

@@ -1,12 +1,16 @@
 """Records of contact from the pose: settings, probe, what friction remembers, and the outcome."""
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mixpinn.base.arrays import AnyArray, FloatArray, IntArray
+from mixpinn.base.arrays import AnyArray, Float32Array, FloatArray, IntArray
 from mixpinn.base.errors import InputError
 from mixpinn.records import Probe
+
+if TYPE_CHECKING:
+    from mixpinn.press.probe_field import ProbeField
 
 
 @dataclass(frozen=True)
@@ -16,13 +20,15 @@ class PoseContactConfig:
     Attributes:
         gap: distance at which contact acts [mm].
         friction: Coulomb's coefficient μ.
-        stiffness: of one contact, normal and tangential [N/mm].
+        stiffness: of contact, normal and tangential, for each area of skin [N/mm/mm²].
         smoothing: violation over which the contact stiffness sets in [mm].
-        spacing: largest distance between neighbouring contact points on the probe [mm].
+        spacing: largest edge of the parts of a skin triangle that each have a contact point [mm].
         margin: skin within this distance of the probe's shadow takes part [mm].
-        reach: how far from touching a pair may be and still be followed [mm].
-        substeps: parts of the way down.
-        rounds: solves for each of them, each with pairs and normals of the one before.
+        reach: a probe that is farther than this from first touch touches nothing [mm].
+        deepest: what of the probe lies this far above its tip or farther is not met [mm].
+        step: length of the steps of a path [mm].
+        most_steps: of a path that begins at a history; a longer one has longer steps.
+        arm: distance from the tip at which a turn counts as a way [mm].
         tolerance: of the forces, relative.
         max_iterations: of one solve.
 
@@ -33,74 +39,60 @@ class PoseContactConfig:
 
     gap: float = 2.0
     friction: float = 1.0
-    stiffness: float = 30.0
+    stiffness: float = 4.0
     smoothing: float = 0.1
     spacing: float = 4.0
     margin: float = 6.0
-    reach: float = 6.0
-    substeps: int = 4
-    rounds: int = 1
-    tolerance: float = 1e-4
-    max_iterations: int = 30
+    reach: float = 2.0
+    deepest: float = 35.0
+    step: float = 2.0
+    most_steps: int = 60
+    arm: float = 20.0
+    tolerance: float = 1e-5
+    max_iterations: int = 40
 
 
 @dataclass(frozen=True, eq=False)
 class ProbeGeometry:
-    """A probe as contact sees it, in its own frame, tip at the origin and pointing to −y.
+    """A probe's surface in its own frame, tip at the origin and pointing to −y.
 
     Attributes:
         vertices: of the surface [mm], shape (p, 3).
         triangles: shape (t, 3).
-        samples: points on the surface [mm], shape (q, 3).
     """
 
     vertices: FloatArray
     triangles: IntArray
-    samples: FloatArray
 
     @staticmethod
-    def of_probe(probe: Probe, *, spacing: float = 4.0) -> "ProbeGeometry":
-        """Sample the surface of `probe` at most `spacing` [mm] apart."""
-        from mixpinn.geometry.probe_surface import ProbeSurface
-
-        surface = ProbeSurface.of_probe(probe, spacing=spacing)
+    def of_probe(probe: Probe) -> "ProbeGeometry":
+        """The surface of `probe`."""
         return ProbeGeometry(
-            np.ascontiguousarray(surface.vertices), np.ascontiguousarray(surface.surface.triangles),
-            np.ascontiguousarray(surface.samples),
+            np.ascontiguousarray(probe.points, dtype=np.float64), np.ascontiguousarray(probe.triangles, dtype=np.int64),
         )
 
 
 @dataclass(frozen=True, eq=False)
-class Grip:
-    """What friction of one probe remembers: h places of the skin that were under force.
-
-    Attributes:
-        point: probe sample, or −1 − mesh node where a node touched the probe's face, shape (h,).
-        nodes: mesh nodes of the place of the skin, shape (h, 3).
-        weights: their weights, shape (h, 3).
-        anchor: in the probe's frame, where the place would carry no friction [mm], shape (h, 3).
-    """
-
-    point: IntArray
-    nodes: IntArray
-    weights: FloatArray
-    anchor: FloatArray
-
-
-NO_GRIP = Grip(np.empty(0, dtype=np.int64), np.empty((0, 3), dtype=np.int64), np.empty((0, 3)), np.empty((0, 3)))
-
-
-@dataclass(frozen=True, eq=False)
 class ContactHistory:
-    """State to carry from one pose to the next.
+    """State to carry from one pose to the next; k probes, c candidate nodes, h contacts.
 
     Attributes:
-        grips: one a probe.
+        rotations, translations: of the probes, shapes (k, 3, 3) and (k, 3) [mm].
         force: gradient of contact on all candidate nodes [N], shape (c, 3).
+        shift: where these would be without contact, relative to rest [mm], shape (c, 3).
+        probe, point: of each contact the probe and the point of the skin, shape (h,).
+        slip: of each its elastic slip in the probe's frame [mm], shape (h, 3).
+        lead: of each the violation of the gap that counts beside the present one [mm], shape (h,).
     """
 
-    grips: tuple[Grip, ...]
+    rotations: FloatArray
+    translations: FloatArray
     force: FloatArray
+    shift: FloatArray
+    probe: IntArray
+    point: IntArray
+    slip: FloatArray
+    lead: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,7 +106,7 @@ class ContactPrediction:
         shares: of each probe in them [N], shape (k, l, 3).
         wrench: force [N] and moment about the tip [N mm] of the tissue on each probe, shape (k, 6).
         sliding: share of the normal force of each probe that slides, shape (k,).
-        pairs: what friction of this solve refers to.
+        depths: of each probe beyond first touch along its axis [mm], shape (k,); −inf where no skin is in its way.
         history: to hand to the next call where friction is to remember.
         converged: whether every solve met its tolerance.
         iterations: of Newton's method in all.
@@ -126,25 +118,31 @@ class ContactPrediction:
     shares: FloatArray
     wrench: FloatArray
     sliding: FloatArray
-    pairs: tuple[Grip, ...]
+    depths: FloatArray
     history: ContactHistory
     converged: bool
     iterations: int
 
 
 @dataclass(frozen=True, eq=False)
-class PlacedProbe:
-    """A probe at a pose; `axis` is where it presses to."""
+class PlacedProbes:
+    """Probes at their poses: distances from each, rotations (k, 3, 3), translations (k, 3) [mm]."""
 
-    geometry: ProbeGeometry
-    rotation: FloatArray
-    translation: FloatArray
-    axis: FloatArray
+    fields: "tuple[ProbeField, ...]"
+    rotations: FloatArray
+    translations: FloatArray
 
-    def placed(self) -> tuple[FloatArray, FloatArray]:
-        """World positions of samples and vertices [mm]."""
-        turn = self.rotation.T
-        return self.geometry.samples @ turn + self.translation, self.geometry.vertices @ turn + self.translation
+    @property
+    def joined(self) -> tuple[Float32Array, IntArray, IntArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+        """The distances one after another, as the kernels take them, and the bounds of each probe."""
+        flat = [field.coefficients.ravel() for field in self.fields]
+        return (
+            flat[0] if len(flat) == 1 else np.concatenate(flat), np.cumsum([0, *(len(part) for part in flat)]),
+            np.array([field.coefficients.shape for field in self.fields]),
+            np.array([field.origin for field in self.fields]), np.array([field.spacing for field in self.fields]),
+            np.array([field.geometry.vertices.min(axis=0) for field in self.fields]),
+            np.array([field.geometry.vertices.max(axis=0) for field in self.fields]),
+        )
 
 
 def check_poses(n_probes: int, rotations: AnyArray, translations: AnyArray) -> tuple[FloatArray, FloatArray]:

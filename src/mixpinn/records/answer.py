@@ -84,6 +84,8 @@ class Trust:
         reasons: why the answer is outside or did not converge, in words.
         converged: whether every solve met its tolerance.
         residual: relative residual of the equilibrium; None where it was not evaluated.
+        force_expected, force_bound: the same as `expected` and `bound` for the force on the probe [N].
+        motion_expected, motion_bound: the same for the largest error of a rigid part's translation [mm].
     """
 
     expected: float | None = None
@@ -93,6 +95,10 @@ class Trust:
     reasons: tuple[str, ...] = ()
     converged: bool = True
     residual: float | None = None
+    force_expected: float | None = None
+    force_bound: float | None = None
+    motion_expected: float | None = None
+    motion_bound: float | None = None
 
     @property
     def sound(self) -> bool:

@@ -4,11 +4,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import numpy as np
+
 from mixpinn.base.files import hash_arrays
 from mixpinn.base.rundir import finish_run, is_finished, leave_run, start_run
 from mixpinn.dataset import SimulationStore, Split
 from mixpinn.fem import ContactConfig, Material
 from mixpinn.press.contact import PriorContact
+from mixpinn.press.domain import PoseDomain
 from mixpinn.press.files import save_pose_model
 from mixpinn.press.fit import collect, fit_pose
 from mixpinn.press.model import PoseModel
@@ -77,7 +80,7 @@ def make_hybrid(
         some = samples.train[:: max(1, len(samples.train) // config.pose_samples)]
         few = samples.validation[:: max(1, 3 * len(samples.validation) // config.pose_samples)]
         save_pose_model(
-            fit_pose_model(model, probe, contact, table.select(some), table.select(few)), out,
+            fit_pose_model(model, probe, contact, table.select(np.union1d(some, few))), out,
         )
     finish_run(out, {"model": model.about})
     return model
@@ -86,16 +89,17 @@ def make_hybrid(
 def plain_pose_model(model: HybridModel, probe: Probe, contact: ContactConfig) -> PoseModel:
     """Contact from the pose of `probe` on the model's prior, with nothing learned about it."""
     config = PoseContactConfig(gap=contact.gap, friction=contact.friction)
-    geometry = ProbeGeometry.of_probe(probe, spacing=config.spacing)
-    return PoseModel(model, PriorContact.of_prior(model.prior, config), (geometry,))
+    solver = PriorContact.of_prior(model.prior, config)
+    probes = (solver.field(ProbeGeometry.of_probe(probe)),)
+    return PoseModel(model, solver, probes, PoseDomain.of_mesh(model.mesh))
 
 
 def fit_pose_model(
-    model: HybridModel, probe: Probe, contact: ContactConfig, train: SampleTable, validation: SampleTable,
+    model: HybridModel, probe: Probe, contact: ContactConfig, table: SampleTable,
 ) -> PoseModel:
-    """Contact from the pose with what `train` teaches about it; the correction's size is chosen on `validation`."""
+    """Contact from the pose with what the samples of `table` teach about it, and the errors to expect."""
     plain = plain_pose_model(model, probe, contact)
-    return fit_pose(plain, collect(plain, train), collect(plain, validation))
+    return fit_pose(plain, collect(plain, table))
 
 
 def save_bundle(model: HybridModel, out: Path, *, tolerance: float = 0.0) -> None:

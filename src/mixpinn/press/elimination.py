@@ -1,0 +1,71 @@
+"""Small dense linear algebra, compiled: no library's threads are woken, and results do not depend on their number."""
+
+import numba
+
+# mypy cannot see through numba's decorators: the kernels are untyped, their callers are not.
+
+
+@numba.njit(cache=True, nogil=True, fastmath=True)
+def solve_in_place(matrix, rhs):  # type: ignore[no-untyped-def]
+    """Gaussian elimination with row pivoting; the solution replaces `rhs`. False where the matrix is singular.
+
+    Four columns at a time, so that what lies right of them is read and written once for four pivots.
+    """
+    n = len(rhs)
+    for first in range(0, n, 4):
+        last = min(first + 4, n)
+        for k in range(first, last):
+            for i in range(k, n):  # what the pivots of these four columns before this one do to it
+                row = matrix[i]
+                for c in range(first, k):
+                    row[k] -= row[c] * matrix[c, k]
+            best, size = k, abs(matrix[k, k])
+            for i in range(k + 1, n):
+                if abs(matrix[i, k]) > size:
+                    best, size = i, abs(matrix[i, k])
+            if not size > 1e-300:
+                return False
+            if best != k:
+                for j in range(n):
+                    held = matrix[k, j]
+                    matrix[k, j] = matrix[best, j]
+                    matrix[best, j] = held
+                held = rhs[k]
+                rhs[k] = rhs[best]
+                rhs[best] = held
+            inverse = 1.0 / matrix[k, k]
+            for i in range(k + 1, n):
+                matrix[i, k] *= inverse
+            pivot = matrix[k]
+            for c in range(first, k):
+                factor, upper = pivot[c], matrix[c]
+                for j in range(k + 1, last):
+                    pivot[j] -= factor * upper[j]
+                for j in range(last, n):
+                    pivot[j] -= factor * upper[j]
+                rhs[k] -= factor * rhs[c]
+        if last - first == 4:
+            u0, u1, u2, u3 = matrix[first], matrix[first + 1], matrix[first + 2], matrix[first + 3]
+            for i in range(last, n):
+                row = matrix[i]
+                l0, l1, l2, l3 = row[first], row[first + 1], row[first + 2], row[first + 3]
+                for j in range(last, n):
+                    row[j] -= l0 * u0[j] + l1 * u1[j] + l2 * u2[j] + l3 * u3[j]
+                rhs[i] -= l0 * rhs[first] + l1 * rhs[first + 1] + l2 * rhs[first + 2] + l3 * rhs[first + 3]
+    for k in range(n - 1, -1, -1):
+        row = matrix[k]
+        total = rhs[k]
+        for j in range(k + 1, n):
+            total -= row[j] * rhs[j]
+        rhs[k] = total / row[k]
+    return True
+
+
+@numba.njit(cache=True, nogil=True, fastmath=True)
+def times(matrix, vector, out):  # type: ignore[no-untyped-def]
+    """out = matrix vector."""
+    for i in range(len(out)):
+        row, total = matrix[i], 0.0
+        for j in range(len(vector)):
+            total += row[j] * vector[j]
+        out[i] = total

@@ -1,0 +1,246 @@
+"""Contact along a path of placements, compiled: which points of the skin are near, and one solve after another."""
+
+import numba
+import numpy as np
+
+from mixpinn.press.probe_field import FAR, distance_at
+from mixpinn.press.step_kernel import field_of, solve_step
+
+# mypy cannot see through numba's decorators: the kernels are untyped, their callers are not.
+
+_SLACK = 1.5
+"""Points of the skin that would come this close to touching are followed during a step [mm]."""
+_ON_THE_WAY = 1e-3
+"""Tolerance of all steps but the last, which has its own."""
+
+
+@numba.njit(cache=True, nogil=True)
+def follow(  # type: ignore[no-untyped-def]
+    rest, compliance, stencil, weights, stiffness, fields, rotations, translations, shifts, force, slip, leads, law,
+    tolerance, max_iterations,
+):
+    """Go along a path of placements, each step from the equilibrium of the one before.
+
+    Args:
+        rest: nodes of the patch [mm], shape (n, 3).
+        compliance: of the patch [mm/N], shape (3 n, 3 n).
+        stencil, weights, stiffness: points of the skin of the patch, shapes (p, w), (p, w), (p,).
+        fields: of the probes, joined (see `_field`).
+        rotations, translations: of every probe before the first step and after each, (s + 1, k, 3, 3), (s + 1, k, 3).
+        shifts: where the nodes would be without contact, relative to rest, at the same times, shape (s + 1, n, 3).
+        force, slip: λ (3 n,) and elastic slips in the probes' frames (k, p, 3) before the first step.
+        leads: v₀ of every point under every probe, shape (k, p).
+        law: gap, μ, δ.
+
+    Returns:
+        λ, slips, normal forces (k, p), forces in the world (k, p, 3), steps done, iterations. It ends early where a
+        step does not converge.
+    """
+    n_steps, n_probes = rotations.shape[0] - 1, rotations.shape[1]
+    n, n_points, width = len(rest), len(stencil), stencil.shape[1]
+    force, slip = force.copy(), slip.copy()
+    earlier, had_earlier, before_length = force.copy(), False, 0.0
+    push, pull = np.zeros((n_probes, n_points)), np.zeros((n_probes, n_points, 3))
+    used = 0
+    local = np.full(n, -1)
+    for step in range(n_steps):
+        x = _positions(rest, shifts[step], compliance, force)
+        old, new = np.empty((n_probes, n_points, 3)), np.empty((n_probes, n_points))
+        length = 0.0
+        for k in range(n_probes):
+            field, box = field_of(fields, k), (fields[5][k], fields[6][k])
+            _approach(x, stencil, weights, field, box, rotations[step : step + 2, k], translations[step : step + 2, k],
+                      law[0], old[k], new[k])
+            moved = translations[step + 1, k] - translations[step, k]
+            length = max(length, np.sqrt((moved * moved).sum()))
+        if (shifts[step + 1] != shifts[step]).any():
+            raised_x = x + shifts[step + 1] - shifts[step]
+            other_old, other = np.empty((n_points, 3)), np.empty(n_points)
+            for k in range(n_probes):
+                field, box = field_of(fields, k), (fields[5][k], fields[6][k])
+                _approach(raised_x, stencil, weights, field, box, rotations[step : step + 2, k],
+                          translations[step : step + 2, k], law[0], other_old, other)
+                new[k] = np.maximum(new[k], other)
+        slack, done, last, guess = _SLACK, False, step == n_steps - 1, 0
+        for _ in range(4):
+            chosen = new > -slack
+            for k in range(n_probes):
+                for p in range(n_points):
+                    if slip[k, p, 0] != 0.0 or slip[k, p, 1] != 0.0 or slip[k, p, 2] != 0.0:
+                        chosen[k, p] = True
+            pairs = np.argwhere(chosen)
+            if not len(pairs):
+                force[:] = 0.0
+                push[:], pull[:] = 0.0, 0.0
+                done = True
+                break
+            local[:] = -1
+            for c in range(len(pairs)):
+                for i in range(width):
+                    local[stencil[pairs[c, 1], i]] = 0
+            nodes = np.flatnonzero(local >= 0)
+            a = len(nodes)
+            for i in range(a):
+                local[nodes[i]] = i
+            part, near, begin = np.empty((3 * a, 3 * a)), np.empty((a, 3)), np.empty(3 * a)
+            lift = np.zeros((a, 3))
+            ratio = length / before_length if had_earlier and before_length > 0.0 and guess == 0 else 0.0
+            for i in range(a):
+                for r in range(3):
+                    near[i, r] = rest[nodes[i], r] + shifts[step + 1, nodes[i], r]
+                    if guess == 0:
+                        lift[i, r] = shifts[step + 1, nodes[i], r] - shifts[step, nodes[i], r]
+                    here = 3 * nodes[i] + r
+                    begin[3 * i + r] = force[here] + ratio * (force[here] - earlier[here]) if guess < 2 else 0.0
+                    row, source = part[3 * i + r], compliance[here]
+                    for j in range(a):
+                        for q in range(3):
+                            row[3 * j + q] = source[3 * nodes[j] + q]
+            chosen_stencil, chosen_weights = np.empty((len(pairs), width), np.int64), np.empty((len(pairs), width))
+            before, carried, lead = np.empty((len(pairs), 3)), np.empty((len(pairs), 3)), np.empty(len(pairs))
+            for c in range(len(pairs)):
+                k, p = pairs[c, 0], pairs[c, 1]
+                lead[c] = leads[k, p]
+                for i in range(width):
+                    chosen_stencil[c, i], chosen_weights[c, i] = local[stencil[p, i]], weights[p, i]
+                for r in range(3):
+                    before[c, r], carried[c, r] = old[k, p, r], slip[k, p, r]
+            found, some_push, some_slip, some_pull, converged, iterations = solve_step(
+                near, lift, part, begin, pairs, chosen_stencil, chosen_weights, stiffness, fields, rotations[step + 1],
+                translations[step + 1], before, carried, lead, law,
+                tolerance if last else max(tolerance, _ON_THE_WAY), max_iterations,
+            )
+            used += iterations
+            if not converged:
+                guess += 1  # from the last forces as they are, then from none
+                continue
+            answer = np.zeros(3 * n)
+            for i in range(a):
+                for r in range(3):
+                    answer[3 * nodes[i] + r] = found[3 * i + r]
+            # Skin that nothing followed must not have come under the probe; on the way the next step will see it.
+            beside = False
+            if last:
+                reached = _positions(rest, shifts[step + 1], compliance, answer)
+                for k in range(n_probes):
+                    field, box = field_of(fields, k), (fields[5][k], fields[6][k])
+                    beside = beside or _touches(reached, stencil, weights, field, box, rotations[step + 1, k],
+                                                translations[step + 1, k], law[0], chosen[k])
+            if beside:
+                slack *= 4.0
+                continue
+            earlier[:] = force
+            force[:] = answer
+            slip[:] = 0.0
+            push[:], pull[:] = 0.0, 0.0
+            for c in range(len(pairs)):
+                k, p = pairs[c, 0], pairs[c, 1]
+                push[k, p] = some_push[c]
+                for r in range(3):
+                    slip[k, p, r], pull[k, p, r] = some_slip[c, r], some_pull[c, r]
+            done = True
+            break
+        if not done:
+            return force, slip, push, pull, step, used
+        had_earlier = True
+        before_length = length
+    return force, slip, push, pull, n_steps, used
+
+
+@numba.njit(cache=True, nogil=True, fastmath=True)
+def _positions(rest, shift, compliance, force):  # type: ignore[no-untyped-def]
+    """Nodes under forces: rest + shift − W λ, (n, 3)."""
+    n = len(rest)
+    x = rest + shift
+    loaded = np.flatnonzero(force)
+    for i in range(n):
+        for r in range(3):
+            row, total = compliance[3 * i + r], 0.0
+            for j in range(len(loaded)):
+                total += row[loaded[j]] * force[loaded[j]]
+            x[i, r] -= total
+    return x
+
+
+@numba.njit(cache=True, nogil=True)
+def _in_frame(x, stencil, weights, p, rotation, translation, place):  # type: ignore[no-untyped-def]
+    """Fills `place` with point p in the probe's frame."""
+    x0, x1, x2 = -translation[0], -translation[1], -translation[2]
+    for i in range(stencil.shape[1]):
+        w, node = weights[p, i], stencil[p, i]
+        x0 += w * x[node, 0]
+        x1 += w * x[node, 1]
+        x2 += w * x[node, 2]
+    for r in range(3):
+        place[r] = rotation[0, r] * x0 + rotation[1, r] * x1 + rotation[2, r] * x2
+
+
+@numba.njit(cache=True, nogil=True, inline="always")
+def _within(place, box, reach):  # type: ignore[no-untyped-def]
+    """Whether a place lies in a box widened by `reach`."""
+    inside = True
+    for r in range(3):
+        inside = inside and box[0][r] - reach <= place[r] <= box[1][r] + reach
+    return inside
+
+
+@numba.njit(cache=True, nogil=True)
+def _approach(  # type: ignore[no-untyped-def]
+    x, stencil, weights, field, box, rotations, translations, gap, old, violation,
+):
+    """Points in the frame of a probe before it moves, and by how much they would violate the gap after it.
+
+    `rotations` and `translations` are those before and after. `box` bounds the probe; points farther from it than
+    matters are passed over.
+    """
+    coefficients, shape, origin, spacing = field
+    reach = gap + 4.0 * _SLACK
+    place, work, gradient = np.empty(3), np.empty((6, 4)), np.empty(3)
+    for p in range(len(stencil)):
+        _in_frame(x, stencil, weights, p, rotations[0], translations[0], old[p])
+        _in_frame(x, stencil, weights, p, rotations[1], translations[1], place)
+        violation[p] = -FAR
+        if _within(place, box, reach):
+            violation[p] = gap - distance_at(coefficients, shape, origin, spacing, place, work, gradient)
+
+
+@numba.njit(cache=True, nogil=True)
+def _touches(x, stencil, weights, field, box, rotation, translation, gap, known):  # type: ignore[no-untyped-def]
+    """Whether a point that is not `known` violates the gap."""
+    coefficients, shape, origin, spacing = field
+    place, work, gradient = np.empty(3), np.empty((6, 4)), np.empty(3)
+    for p in range(len(stencil)):
+        if not known[p]:
+            _in_frame(x, stencil, weights, p, rotation, translation, place)
+            if not _within(place, box, gap):
+                continue
+            if distance_at(coefficients, shape, origin, spacing, place, work, gradient) < gap:
+                return True
+    return False
+
+
+@numba.njit(cache=True, nogil=True)
+def touch_depths(points, rotation, translation, underside, origin, spacing, depths):  # type: ignore[no-untyped-def]
+    """How far along the axis each place lies beyond the underside of a placed probe [mm]; −inf beside it.
+
+    Args:
+        points: [mm], shape (p, 3).
+        underside: see `ProbeField`, with the grid's origin and spacing.
+        depths: filled, shape (p,).
+    """
+    for p in range(len(points)):
+        x0 = points[p, 0] - translation[0]
+        x1 = points[p, 1] - translation[1]
+        x2 = points[p, 2] - translation[2]
+        a = (rotation[0, 0] * x0 + rotation[1, 0] * x1 + rotation[2, 0] * x2 - origin[0]) / spacing
+        b = (rotation[0, 2] * x0 + rotation[1, 2] * x1 + rotation[2, 2] * x2 - origin[2]) / spacing
+        i, j = int(np.floor(a)), int(np.floor(b))
+        depths[p] = -np.inf
+        if i < 0 or j < 0 or i >= underside.shape[0] - 1 or j >= underside.shape[1] - 1:
+            continue
+        a -= i
+        b -= j
+        low = (1.0 - a) * ((1.0 - b) * underside[i, j] + b * underside[i, j + 1])
+        low += a * ((1.0 - b) * underside[i + 1, j] + b * underside[i + 1, j + 1])
+        if np.isfinite(low):
+            depths[p] = rotation[0, 1] * x0 + rotation[1, 1] * x1 + rotation[2, 1] * x2 - low

@@ -1,0 +1,215 @@
+"""ProbeField: the distance from a probe's surface on a grid, so that it costs the same whatever the probe.
+
+Between the grid's points the distance is a cubic B-spline through them: twice differentiable, and so are forces that
+depend on it. It is positive outside and negative inside; the side is that of the mean normal at the nearest place
+(J. A. Bærentzen and H. Aanæs, IEEE Transactions on Visualization and Computer Graphics 11, 2005).
+"""
+
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+from scipy.ndimage import spline_filter
+from scipy.spatial import cKDTree
+
+from mixpinn.base.arrays import AnyArray, Float32Array, FloatArray, IntArray
+from mixpinn.geometry.proximity import Triangulation, nearest_on_triangle
+from mixpinn.press.records import ProbeGeometry
+
+# mypy cannot see through numba's decorators: the kernels are untyped, their callers are not.
+
+FAR = 1e3
+"""What counts as the distance of a point off the grid [mm]."""
+_CANDIDATES = 24
+"""Triangles that are looked at for the distance of one point of the grid."""
+_LARGEST = 1_000_000
+"""Points of a grid at most; a large probe gets a coarser one."""
+
+
+@dataclass(frozen=True, eq=False)
+class ProbeField:
+    """Signed distance of a probe in its own frame.
+
+    Attributes:
+        coefficients: of the cubic B-spline, shape (x, y, z).
+        origin: place of the first one [mm], shape (3,).
+        spacing: of the grid [mm].
+        underside: for each column (x, z) the lowest y at which the distance falls to `gap` [mm], infinite where it
+            does nowhere, shape (x, z).
+        gap: distance at which contact acts [mm].
+        geometry: the probe's surface.
+    """
+
+    coefficients: Float32Array
+    origin: FloatArray
+    spacing: float
+    underside: FloatArray
+    gap: float
+    geometry: ProbeGeometry
+
+    @staticmethod
+    def of_probe(probe: ProbeGeometry, *, gap: float, spacing: float = 0.75, margin: float = 5.0) -> "ProbeField":
+        """Sample the distance of `probe`.
+
+        Args:
+            probe: closed, or open with a rim away from the tip.
+            gap: distance at which contact acts [mm].
+            spacing: of the grid [mm].
+            margin: how far the grid reaches beyond the probe and the gap [mm].
+        """
+        low, high = probe.vertices.min(axis=0) - gap - margin, probe.vertices.max(axis=0) + gap + margin
+        spacing = max(spacing, float(np.prod(high - low) / _LARGEST) ** (1.0 / 3.0))
+        ticks = [np.arange(a, b + spacing, spacing) for a, b in zip(low, high, strict=True)]
+        grid = np.stack(np.meshgrid(*ticks, indexing="ij"), axis=-1)
+        distance = signed_distance(grid.reshape(-1, 3), probe.vertices, probe.triangles).reshape(grid.shape[:-1])
+        return ProbeField(
+            spline_filter(distance, order=3, output=np.float64, mode="mirror").astype(np.float32), low, spacing,
+            _underside(distance, ticks[1], gap), gap, probe,
+        )
+
+    def at(self, points: AnyArray) -> tuple[FloatArray, FloatArray]:
+        """Distance [mm], shape (p,), and its gradient, shape (p, 3), at points of the probe's frame, shape (p, 3)."""
+        points = np.ascontiguousarray(points, dtype=np.float64)
+        distance, gradient = np.empty(len(points)), np.empty((len(points), 3))
+        flat, shape = self.coefficients.ravel(), np.array(self.coefficients.shape)
+        _evaluate(flat, shape, self.origin, self.spacing, points, distance, gradient)
+        return distance, gradient
+
+
+def signed_distance(points: FloatArray, vertices: FloatArray, triangles: IntArray) -> FloatArray:
+    """Distance of points (p, 3) from a surface [mm], negative behind it, shape (p,).
+
+    Args:
+        points: [mm], shape (p, 3).
+        vertices: of the surface [mm], shape (v, 3).
+        triangles: all of one orientation, inwards or outwards: what lies below the lowest vertex is outside.
+    """
+    surface = Triangulation.build(triangles, len(vertices))
+    corners = vertices[triangles]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-30)[:, None]
+    edges = normal[:, None] + np.where(surface.neighbours[..., None] >= 0, normal[surface.neighbours], 0.0)
+    around = np.zeros_like(vertices)
+    for k in range(3):
+        first, second = corners[:, (k + 1) % 3] - corners[:, k], corners[:, (k + 2) % 3] - corners[:, k]
+        sine = np.linalg.norm(np.cross(first, second), axis=1)
+        angle = np.arctan2(sine, np.einsum("ij,ij->i", first, second))
+        np.add.at(around, triangles[:, k], angle[:, None] * normal)
+    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+    places, owners = [corners.mean(axis=1)], [np.arange(len(triangles))]
+    for parts in np.unique(np.ceil(longest / 2.0).astype(np.int64)):
+        some = np.flatnonzero(np.ceil(longest / 2.0).astype(np.int64) == parts)
+        i, j = np.meshgrid(np.arange(parts + 1), np.arange(parts + 1), indexing="ij")
+        kept = i + j <= parts
+        weights = np.stack([i[kept], j[kept], parts - i[kept] - j[kept]], axis=1) / max(parts, 1)
+        places.append(np.einsum("qc,tck->tqk", weights, corners[some]).reshape(-1, 3))
+        owners.append(np.repeat(some, len(weights)))
+    tree, owner = cKDTree(np.concatenate(places)), np.concatenate(owners)
+    below = np.append(vertices[vertices[:, 1].argmin()] - [0.0, 1.0, 0.0], 0.0)[:3]
+    found = np.empty(len(points) + 1)
+    asked = np.concatenate([points, below[None]])
+    for start in range(0, len(asked), 100_000):
+        part = asked[start : start + 100_000]
+        near = owner[tree.query(part, k=min(_CANDIDATES, len(owner)))[1]].reshape(len(part), -1)
+        _nearest_signed(part, vertices, triangles, near, normal, edges, around, found[start : start + 100_000])
+    distance: FloatArray = found[:-1] * np.sign(found[-1])
+    return distance
+
+
+def _underside(distance: FloatArray, y: FloatArray, gap: float) -> FloatArray:
+    """Where each column of a grid of distances first falls to `gap`, by linear interpolation along y."""
+    inside = distance < gap
+    first = inside.argmax(axis=1)
+    before = np.maximum(first - 1, 0)
+    upper = np.take_along_axis(distance, first[:, None], axis=1)[:, 0]
+    lower = np.take_along_axis(distance, before[:, None], axis=1)[:, 0]
+    share = np.clip((lower - gap) / np.maximum(lower - upper, 1e-12), 0.0, 1.0)
+    found: FloatArray = np.where(inside.any(axis=1), y[before] + share * (y[first] - y[before]), np.inf)
+    return found
+
+
+@numba.njit(cache=True, nogil=True)
+def _nearest_signed(points, vertices, triangles, near, normal, edges, around, out):  # type: ignore[no-untyped-def]
+    """Signed distance of each point from the nearest of its candidate triangles."""
+    for i in range(len(points)):
+        best, side = np.inf, 1.0
+        for k in range(near.shape[1]):
+            t = near[i, k]
+            a, b, c = vertices[triangles[t, 0]], vertices[triangles[t, 1]], vertices[triangles[t, 2]]
+            wa, wb, wc, squared, feature = nearest_on_triangle(points[i, 0], points[i, 1], points[i, 2], a, b, c)
+            if squared >= best:
+                continue
+            best = squared
+            if feature == 0:
+                n = normal[t]
+            elif feature <= 3:
+                n = edges[t, feature - 1]
+            else:
+                n = around[triangles[t, feature - 4]]
+            side = 0.0
+            for r in range(3):
+                side += (points[i, r] - wa * a[r] - wb * b[r] - wc * c[r]) * n[r]
+        out[i] = np.sqrt(best) if side >= 0.0 else -np.sqrt(best)
+
+
+@numba.njit(cache=True, nogil=True)
+def _spline(t, value, slope):  # type: ignore[no-untyped-def]
+    """The four cubic B-splines around a place at fraction t of its cell, and their derivatives."""
+    u = 1.0 - t
+    value[0] = u * u * u / 6.0
+    value[1] = (3.0 * t * t * t - 6.0 * t * t + 4.0) / 6.0
+    value[2] = (3.0 * u * u * u - 6.0 * u * u + 4.0) / 6.0
+    value[3] = t * t * t / 6.0
+    slope[0] = -0.5 * u * u
+    slope[1] = 1.5 * t * t - 2.0 * t
+    slope[2] = -1.5 * u * u + 2.0 * u
+    slope[3] = 0.5 * t * t
+
+
+@numba.njit(cache=True, nogil=True)
+def distance_at(coefficients, shape, origin, spacing, place, work, gradient):  # type: ignore[no-untyped-def]
+    """Distance at one place of the probe's frame; fills its gradient. Off the grid: `FAR`, and no gradient.
+
+    `coefficients` are flat, of the given shape; `work` is (6, 4).
+    """
+    index0, index1, index2 = 0, 0, 0
+    for r in range(3):
+        at = (place[r] - origin[r]) / spacing
+        cell = int(np.floor(at))
+        if cell < 1 or cell > shape[r] - 3:
+            gradient[:] = 0.0
+            return FAR
+        _spline(at - cell, work[2 * r], work[2 * r + 1])
+        if r == 0:
+            index0 = cell - 1
+        elif r == 1:
+            index1 = cell - 1
+        else:
+            index2 = cell - 1
+    value, g0, g1, g2 = 0.0, 0.0, 0.0, 0.0
+    for i in range(4):
+        v0, d0 = work[0, i], work[1, i]
+        plane, plane1, plane2 = 0.0, 0.0, 0.0
+        for j in range(4):
+            line, line2 = 0.0, 0.0
+            first = ((index0 + i) * shape[1] + index1 + j) * shape[2] + index2
+            for k in range(4):
+                c = coefficients[first + k]
+                line += work[4, k] * c
+                line2 += work[5, k] * c
+            plane += work[2, j] * line
+            plane1 += work[3, j] * line
+            plane2 += work[2, j] * line2
+        value += v0 * plane
+        g0 += d0 * plane
+        g1 += v0 * plane1
+        g2 += v0 * plane2
+    gradient[0], gradient[1], gradient[2] = g0 / spacing, g1 / spacing, g2 / spacing
+    return value
+
+
+@numba.njit(cache=True, nogil=True)
+def _evaluate(coefficients, shape, origin, spacing, points, distance, gradient):  # type: ignore[no-untyped-def]
+    work = np.empty((6, 4))
+    for i in range(len(points)):
+        distance[i] = distance_at(coefficients, shape, origin, spacing, points[i], work, gradient[i])

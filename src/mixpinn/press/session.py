@@ -1,0 +1,167 @@
+"""ContactSession: probes in equilibrium with a patch of skin, and how they go on from there."""
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mixpinn.base.arrays import FloatArray, IntArray
+from mixpinn.geometry.rotations import rotation_from_vector, vector_from_rotation
+from mixpinn.press.path_kernel import follow
+from mixpinn.press.records import ContactHistory, ContactPrediction, PlacedProbes
+
+if TYPE_CHECKING:
+    from mixpinn.press.contact import PriorContact
+
+_CUTS = 5
+"""A step may be halved so often."""
+
+
+@dataclass(frozen=True, eq=False)
+class ContactSession:
+    """Probes at their poses in equilibrium with a patch of skin, and all that is needed to go on from there.
+
+    Attributes:
+        contact: whose candidates and settings these are.
+        placed: the probes where they are.
+        patch: nodes of the patch by index into the candidates, shape (n,).
+        points: of the skin, by index into all of them, shape (p,).
+        stencil: their nodes by index into the patch, shape (p, w).
+        compliance: of the patch, shape (3 n, 3 n).
+        depths: of the probes beyond first touch [mm], shape (k,).
+        shift: where the patch would be without contact, relative to rest [mm], shape (n, 3).
+        force: gradient of contact, shape (3 n,).
+        slip: elastic slips in the probes' frames [mm], shape (k, p, 3).
+        lead: violations of the gap that count beside the present ones [mm], shape (k, p).
+        push: normal forces [N], shape (k, p).
+        pull: forces of the probes on the points [N], shape (k, p, 3).
+        converged, iterations: of all solves so far.
+    """
+
+    contact: "PriorContact"
+    placed: PlacedProbes
+    patch: IntArray
+    points: IntArray
+    stencil: IntArray
+    compliance: FloatArray
+    depths: FloatArray
+    shift: FloatArray
+    force: FloatArray
+    slip: FloatArray
+    lead: FloatArray
+    push: FloatArray
+    pull: FloatArray
+    converged: bool
+    iterations: int
+
+    @property
+    def nodes(self) -> IntArray:
+        """Mesh nodes of the patch, ascending, shape (n,)."""
+        found: IntArray = self.contact.nodes[self.patch]
+        return found
+
+    def shifted(self, shift: FloatArray) -> "ContactSession":
+        """Contact at the same poses when the patch without contact lies at rest + `shift` [mm], shape (n, 3).
+
+        The violations of the gap found so far count as multipliers, so that what is left of them is small.
+        """
+        # In parts of a fixed length, the last one shorter, as a path goes: answers change steadily with the shift.
+        size = float(np.abs(shift - self.shift).max(initial=0.0))
+        reached = np.append(np.arange(0.0, size, self.contact.config.step), max(size, 1e-9))
+        share = reached / reached[-1]
+        still = tuple(
+            np.repeat(array[None], len(reached), axis=0) for array in (self.placed.rotations, self.placed.translations)
+        )
+        stiffness = self.contact.config.stiffness * self.contact.skin.area[self.points]
+        session = replace(self, lead=self.push / stiffness)
+        return session.go(still, self.shift + share[:, None, None] * (shift - self.shift))
+
+    def go(self, path: "tuple[FloatArray, ...]", shifts: FloatArray | None = None) -> "ContactSession":
+        """Follow placements, (s + 1, k, 3, 3) and (s + 1, k, 3), and shifts, (s + 1, n, 3), that begin here."""
+        rotations, translations = path
+        steps = len(rotations) - 1
+        if shifts is None:
+            shifts = np.repeat(self.shift[None], steps + 1, axis=0)
+        session = self
+        at = 0
+        while at < steps and len(self.points):
+            way = rotations[at:], translations[at:]
+            session, done = session._steps(way, shifts[at:], self.contact.config.friction)
+            at += done
+            if at < steps:
+                two = slice(at, at + 2)
+                session = session._divided((rotations[two], translations[two]), shifts[two], _CUTS)
+                at += 1
+        placed = replace(self.placed, rotations=rotations[-1], translations=translations[-1])
+        return replace(session, placed=placed, shift=shifts[-1])
+
+    def _divided(self, path: tuple[FloatArray, FloatArray], shifts: FloatArray, cuts: int) -> "ContactSession":
+        """One step in halves; without friction where they do not help either."""
+        rotations, translations = path
+        if not cuts:
+            session, done = self._steps(path, shifts, 0.0)
+            return replace(session if done else self, converged=False)
+        half = vector_from_rotation(rotations[1] @ rotations[0].transpose(0, 2, 1)) / 2.0
+        middle = rotation_from_vector(half) @ rotations[0]
+        rotations = np.stack([rotations[0], middle, rotations[1]])
+        translations = np.stack([translations[0], 0.5 * (translations[0] + translations[1]), translations[1]])
+        shifts = np.stack([shifts[0], 0.5 * (shifts[0] + shifts[1]), shifts[1]])
+        session = self
+        for part in (slice(0, 2), slice(1, 3)):
+            way = rotations[part], translations[part]
+            session, done = session._steps(way, shifts[part], self.contact.config.friction)
+            if not done:
+                session = session._divided(way, shifts[part], cuts - 1)
+        return session
+
+    def _steps(
+        self, path: tuple[FloatArray, FloatArray], shifts: FloatArray, friction: float,
+    ) -> "tuple[ContactSession, int]":
+        """Where the path leads, and how many of its steps converged."""
+        contact, config = self.contact, self.contact.config
+        skin = contact.skin
+        force, slip, push, pull, done, used = follow(
+            contact.rest[self.patch], self.compliance, self.stencil, skin.weights[self.points],
+            config.stiffness * skin.area[self.points], self.placed.joined, path[0], path[1], shifts, self.force,
+            self.slip, self.lead, (config.gap, friction, config.smoothing), config.tolerance, config.max_iterations,
+        )
+        placed = replace(self.placed, rotations=path[0][done], translations=path[1][done])
+        return replace(
+            self, placed=placed, shift=shifts[done], force=force, slip=slip, push=push, pull=pull,
+            iterations=self.iterations + used,
+        ), int(done)
+
+    def outcome(self) -> ContactPrediction:
+        """Contact by mesh nodes and probes."""
+        contact, placed = self.contact, self.placed
+        k = len(placed.fields)
+        moved = self.shift - (self.compliance @ self.force).reshape(-1, 3)
+        x = contact.rest[self.patch] + moved
+        weights = contact.skin.weights[self.points]
+        places = np.einsum("pw,pwr->pr", weights, x[self.stencil])
+        stiffness = contact.config.stiffness * contact.skin.area[self.points]
+        wrench, sliding, shares = np.zeros((k, 6)), np.zeros(k), np.zeros((k, len(self.patch), 3))
+        for i in range(k):
+            on = np.flatnonzero(self.push[i] > 0.0)
+            if not len(on):
+                continue
+            force = self.pull[i, on]
+            wrench[i, :3] = -force.sum(axis=0)
+            wrench[i, 3:] = -np.cross(places[on] - placed.translations[i], force).sum(axis=0)
+            np.add.at(shares[i], self.stencil[on], weights[on][..., None] * force[:, None])
+            held = stiffness[on] * np.linalg.norm(self.slip[i, on], axis=1)
+            slides = held >= contact.config.friction * self.push[i, on] * (1.0 - 1e-9)
+            sliding[i] = float(self.push[i, on][slides].sum() / self.push[i, on].sum())
+        forces = -self.force.reshape(-1, 3)
+        loaded = np.flatnonzero((forces != 0.0).any(axis=1))
+        probe, point = np.nonzero(self.push > 0.0)
+        everywhere, shifts = np.zeros((2, len(contact.nodes), 3))
+        everywhere[self.patch], shifts[self.patch] = self.force.reshape(-1, 3), self.shift
+        history = ContactHistory(
+            placed.rotations, placed.translations, everywhere, shifts, probe, self.points[point],
+            self.slip[probe, point], self.lead[probe, point],
+        )
+        return ContactPrediction(
+            self.nodes[loaded], moved[loaded], forces[loaded], shares[:, loaded], wrench, sliding, self.depths, history,
+            self.converged, self.iterations,
+        )

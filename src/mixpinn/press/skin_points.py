@@ -1,0 +1,63 @@
+"""SkinPoints: the places of the skin at which contact with a probe is asked for, each with a share of its area."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mixpinn.base.arrays import FloatArray, IntArray
+
+
+@dataclass(frozen=True, eq=False)
+class SkinPoints:
+    """Points fixed to the skin: each moves as the weighted sum of the nodes of its face, p points on t faces.
+
+    The points of a face are the centroids of the equal triangles into which it is divided, so that the sum over them
+    is a quadrature over the face.
+
+    Attributes:
+        stencil: nodes of each point's face, shape (p, w).
+        weights: of these nodes, shape (p, w).
+        area: that the point stands for [mm²], shape (p,).
+        face: of each point, ascending, shape (p,).
+    """
+
+    stencil: IntArray
+    weights: FloatArray
+    area: FloatArray
+    face: IntArray
+
+    @staticmethod
+    def of_triangles(points: FloatArray, triangles: IntArray, *, spacing: float) -> "SkinPoints":
+        """Divide each triangle so that the edges of its parts are at most `spacing` long.
+
+        Args:
+            points: positions of the nodes [mm], shape (n, 3).
+            triangles: shape (t, 3).
+            spacing: [mm].
+        """
+        corners = points[triangles]
+        edges = corners - np.roll(corners, 1, axis=1)
+        longest = np.linalg.norm(edges, axis=2).max(axis=1, initial=0.0)
+        parts = np.maximum(1, np.ceil(longest / spacing)).astype(np.int64)
+        area = 0.5 * np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
+        patterns = {int(m): _centroids(int(m)) for m in np.unique(parts)}
+        face = np.repeat(np.arange(len(triangles)), parts**2)
+        weights = [patterns[int(m)] for m in parts]
+        return SkinPoints(
+            np.ascontiguousarray(triangles[face], dtype=np.int64),
+            np.concatenate([*weights, np.empty((0, 3))]), (area / parts**2)[face], face,
+        )
+
+    def on_faces(self, chosen: IntArray) -> IntArray:
+        """The points of the chosen faces, ascending."""
+        found: IntArray = np.flatnonzero(np.isin(self.face, chosen))
+        return found
+
+
+def _centroids(m: int) -> FloatArray:
+    """Barycentric coordinates of the centroids of the m² equal parts of a triangle, shape (m², 3)."""
+    i, j = np.meshgrid(np.arange(m), np.arange(m), indexing="ij")
+    upright, turned = i + j < m, i + j < m - 1
+    first = np.concatenate([i[upright] + 1.0 / 3.0, i[turned] + 2.0 / 3.0]) / m
+    second = np.concatenate([j[upright] + 1.0 / 3.0, j[turned] + 2.0 / 3.0]) / m
+    return np.stack([first, second, 1.0 - first - second], axis=1)

@@ -1,0 +1,290 @@
+"""Equilibrium of contact with the linear body at one placement of the probes, compiled.
+
+A contact is a point of the skin under one probe. In the probe's frame the point lies at p, the distance there is d(p)
+with the unit normal n. The law (`mixpinn.physics.contact_law`) takes the violation v = g − d + v₀ and the elastic slip
+s₀ + p − p₀ across n, with one stiffness k for both; p₀ is where the point lay and s₀ the slip that it carried at the
+beginning of the step. v₀ is zero, or the violation N / k of an earlier solve: then the gap is kept although k is
+moderate (the multiplier of an augmented Lagrangian).
+
+The linear body answers forces λ on its nodes with y = free − W λ. Equilibrium λ = g(y), g the gradient of contact by
+the nodes, is sought among the nodes near the probe by Newton's method on λ, (1 + H W) Δλ = g − λ with H = ∂g/∂y, each
+step shortened until (g − λ)ᵀ W (g − λ) falls. No library of linear algebra takes part: nothing waits for threads.
+"""
+
+import numba
+import numpy as np
+
+from mixpinn.physics.contact_law import penalty, return_slip, slip_derivative
+from mixpinn.press.elimination import solve_in_place, times
+from mixpinn.press.probe_field import distance_at
+
+# mypy cannot see through numba's decorators: the kernels are untyped, their callers are not.
+
+
+@numba.njit(cache=True, nogil=True)
+def field_of(fields, k):  # type: ignore[no-untyped-def]
+    """Coefficients, shape, origin and spacing of the distance from probe k; `fields` holds them for all of them."""
+    flat, starts, shapes, origins, spacings = fields[0], fields[1], fields[2], fields[3], fields[4]
+    return flat[starts[k] : starts[k + 1]], shapes[k], origins[k], spacings[k]
+
+
+@numba.njit(cache=True, nogil=True)
+def _point_force(  # type: ignore[no-untyped-def]
+    place, before, carried, lead, stiffness, law, field, work, normal, force, slip, slope, across,
+):
+    """Force on one point in the probe's frame, its elastic slip, and −∂force/∂place.
+
+    Returns N, or the violation where it is negative.
+
+    `law` holds gap, μ and δ; `field` the coefficients, shape, origin and spacing of a `ProbeField`. Without contact
+    nothing but the slip, zero, is filled.
+    """
+    coefficients, shape, origin, spacing = field
+    gap, friction, delta = law
+    distance = distance_at(coefficients, shape, origin, spacing, place, work, normal)
+    violation = gap - distance + lead
+    slip[0], slip[1], slip[2] = 0.0, 0.0, 0.0
+    if violation <= 0.0:
+        return violation
+    size = np.sqrt(normal[0] * normal[0] + normal[1] * normal[1] + normal[2] * normal[2])
+    if size < 1e-6:
+        return 0.0
+    for r in range(3):
+        normal[r] /= size
+    _, push, rise = penalty(violation, stiffness, delta)
+    for r in range(3):
+        slip[r] = carried[r] + place[r] - before[r]
+    hold, sticks, _ = return_slip(slip, normal, friction * push, stiffness, across)
+    for r in range(3):
+        for c in range(3):
+            slope[r, c] = rise * normal[r] * normal[c] + hold * slip_derivative(r, c, normal, across)
+            if not sticks:
+                slope[r, c] -= friction * rise * across[r] * normal[c]
+        slip[r] *= hold / stiffness  # what is left of it
+    for r in range(3):
+        force[r] = push * normal[r] - stiffness * slip[r]
+    return push
+
+
+@numba.njit(cache=True, nogil=True)
+def _all_forces(  # type: ignore[no-untyped-def]
+    x, pairs, stencil, weights, stiffness, fields, rotations, translations, before, carried, lead, law, gradient,
+    hessian, touched, push, slip, world_force, seen,
+):
+    """Gradient and stiffness of the contacts `pairs` (probe, point) at node positions x; fills the last arrays.
+
+    `before`, `carried`, `push`, `slip` and `world_force` go by pair. The stiffness is by nodes, (n, n, 3, 3), and
+    filled where they are touched. `seen` (c, 4) remembers where a point was and how far from the gap: while it has not moved
+    as far as that, there is nothing to ask.
+    """
+    gradient[:] = 0.0
+    touched[:] = False
+    place, normal, force, slope = np.empty(3), np.empty(3), np.empty(3), np.empty((3, 3))
+    across = np.empty(3)
+    world, turned, work = np.empty((3, 3)), np.empty((3, 3)), np.empty((6, 4))
+    width = stencil.shape[1]
+    for c in range(len(pairs)):
+        k, p = pairs[c, 0], pairs[c, 1]
+        rotation, translation = rotations[k], translations[k]
+        x0, x1, x2 = -translation[0], -translation[1], -translation[2]
+        for i in range(width):
+            w, node = weights[c, i], stencil[c, i]
+            x0 += w * x[node, 0]
+            x1 += w * x[node, 1]
+            x2 += w * x[node, 2]
+        for r in range(3):
+            place[r] = rotation[0, r] * x0 + rotation[1, r] * x1 + rotation[2, r] * x2
+        moved = 0.0
+        for r in range(3):
+            moved += (place[r] - seen[c, r]) ** 2
+        if seen[c, 3] > 0.0 and moved < seen[c, 3] ** 2:
+            push[c] = 0.0
+            slip[c, 0], slip[c, 1], slip[c, 2] = 0.0, 0.0, 0.0
+            world_force[c, 0], world_force[c, 1], world_force[c, 2] = 0.0, 0.0, 0.0
+            continue
+        push[c] = _point_force(
+            place, before[c], carried[c], lead[c], stiffness[p], law, field_of(fields, k), work, normal, force, slip[c],
+            slope, across,
+        )
+        seen[c, 3] = 0.0
+        if push[c] <= 0.0:
+            # No contact: `push` is the negative distance from the gap.
+            seen[c, 3] = -0.9 * push[c]
+            for r in range(3):
+                seen[c, r] = place[r]
+            push[c] = 0.0
+            world_force[c, 0], world_force[c, 1], world_force[c, 2] = 0.0, 0.0, 0.0
+            continue
+        f0 = rotation[0, 0] * force[0] + rotation[0, 1] * force[1] + rotation[0, 2] * force[2]
+        f1 = rotation[1, 0] * force[0] + rotation[1, 1] * force[1] + rotation[1, 2] * force[2]
+        f2 = rotation[2, 0] * force[0] + rotation[2, 1] * force[1] + rotation[2, 2] * force[2]
+        world_force[c, 0], world_force[c, 1], world_force[c, 2] = f0, f1, f2
+        for i in range(width):
+            w, node = weights[c, i], stencil[c, i]
+            gradient[node, 0] -= w * f0
+            gradient[node, 1] -= w * f1
+            gradient[node, 2] -= w * f2
+            if not touched[node]:
+                touched[node] = True
+                hessian[node] = 0.0
+        for r in range(3):
+            for q in range(3):
+                turned[r, q] = (
+                    rotation[r, 0] * slope[0, q] + rotation[r, 1] * slope[1, q] + rotation[r, 2] * slope[2, q]
+                )
+        for r in range(3):
+            for q in range(3):
+                world[r, q] = (
+                    turned[r, 0] * rotation[q, 0] + turned[r, 1] * rotation[q, 1] + turned[r, 2] * rotation[q, 2]
+                )
+        for i in range(width):
+            for j in range(width):
+                ww = weights[c, i] * weights[c, j]
+                block = hessian[stencil[c, i], stencil[c, j]]
+                for r in range(3):
+                    for q in range(3):
+                        block[r, q] += ww * world[r, q]
+
+
+@numba.njit(cache=True, nogil=True, fastmath=True)
+def _newton_matrix(hessian, nodes, compliance, matrix):  # type: ignore[no-untyped-def]
+    """1 + H W among the touched nodes; `matrix` is filled, (3 a, 3 a)."""
+    a = len(nodes)
+    matrix[:] = 0.0
+    for i in range(a):
+        for r in range(3):
+            row = matrix[3 * i + r]
+            row[3 * i + r] = 1.0
+            for j in range(a):
+                block = hessian[nodes[i], nodes[j], r]
+                if block[0] == 0.0 and block[1] == 0.0 and block[2] == 0.0:
+                    continue
+                first = 3 * nodes[j]
+                w0, w1, w2 = compliance[first], compliance[first + 1], compliance[first + 2]
+                for m in range(a):
+                    n = 3 * nodes[m]
+                    for c in range(3):
+                        row[3 * m + c] += block[0] * w0[n + c] + block[1] * w1[n + c] + block[2] * w2[n + c]
+
+
+@numba.njit(cache=True, nogil=True)
+def solve_step(  # type: ignore[no-untyped-def]
+    free, lift, compliance, start, pairs, stencil, weights, stiffness, fields, rotations, translations, before, carried,
+    lead, law, tolerance, max_iterations,
+):
+    """Forces λ on the nodes near the probe in equilibrium with contact at one placement of the probes.
+
+    Args:
+        free: where the nodes lie without contact [mm], shape (n, 3).
+        lift: by how much that differs from where `start` holds them in equilibrium [mm], shape (n, 3).
+        compliance: of these nodes, shape (3 n, 3 n).
+        start: first guess of λ, shape (3 n,).
+        pairs: contacts (probe, point), shape (c, 2); stencil and weights of each, by the nodes here, shape (c, w).
+        stiffness: of all points [N/mm].
+        before, carried: p₀ and s₀ of each contact, shape (c, 3).
+        lead: v₀ of each contact, shape (c,).
+
+    Returns:
+        λ, normal force (c,), elastic slip (c, 3) and force in the world (c, 3) of each contact, whether it converged,
+        iterations.
+    """
+    contacts = (pairs, stencil, weights, stiffness, fields, rotations, translations, before, carried, lead, law)
+    m = len(start)
+    n = m // 3
+    lam = start.copy()
+    y, moved = np.empty(m), np.empty(m)
+    times(compliance, lam, moved)
+    for i in range(m):
+        y[i] = -moved[i]
+    gradient, hessian, touched = np.zeros((n, 3)), np.empty((n, n, 3, 3)), np.zeros(n, np.bool_)
+    push, slip, pull = np.zeros(len(pairs)), np.zeros((len(pairs), 3)), np.zeros((len(pairs), 3))
+    seen = np.zeros((len(pairs), 4))
+    rest = free.copy().reshape(m)
+    converged = False
+    iteration = 0
+    error, change, move, response = np.empty(m), np.empty(m), np.empty(m), np.empty(m)
+    raised = lift.copy().reshape(m)
+    if np.abs(raised).max() > 0.0:
+        # Without the probe the skin would rise; held by it, it stays: Δλ = (1 + H W)⁻¹ H lift.
+        _all_forces((rest - raised + y).reshape(n, 3), *contacts, gradient, hessian, touched, push, slip, pull, seen)
+        nodes = np.flatnonzero(touched)
+        a = len(nodes)
+        rhs, matrix = np.zeros(3 * a), np.empty((3 * a, 3 * a))
+        for i in range(a):
+            for r in range(3):
+                for j in range(a):
+                    for q in range(3):
+                        rhs[3 * i + r] += hessian[nodes[i], nodes[j], r, q] * raised[3 * nodes[j] + q]
+        _newton_matrix(hessian, nodes, compliance, matrix)
+        if a and solve_in_place(matrix, rhs):
+            for i in range(a):
+                for r in range(3):
+                    lam[3 * nodes[i] + r] += rhs[3 * i + r]
+            times(compliance, lam, moved)
+            for i in range(m):
+                y[i] = -moved[i]
+    _all_forces((rest + y).reshape(n, 3), *contacts, gradient, hessian, touched, push, slip, pull, seen)
+    for iteration in range(max_iterations):  # noqa: B007 (read after the loop)
+        total, off = 0.0, 0.0
+        for i in range(n):
+            for r in range(3):
+                g = gradient[i, r]
+                error[3 * i + r] = g - lam[3 * i + r]
+                total += g * g
+                off += error[3 * i + r] ** 2
+        if np.sqrt(off) <= tolerance * max(np.sqrt(total), 1e-2):
+            converged = True
+            break
+        times(compliance, error, response)
+        size = (error * response).sum()
+        nodes = np.flatnonzero(touched)
+        a = len(nodes)
+        for i in range(m):
+            change[i] = error[i]
+        if a:
+            # Untouched nodes lose their forces; what that does to the touched ones stands on the right.
+            rhs, matrix, outer = np.empty(3 * a), np.empty((3 * a, 3 * a)), np.empty(m)
+            for i in range(m):
+                outer[i] = 0.0 if touched[i // 3] else error[i]
+            times(compliance, outer, move)
+            for i in range(a):
+                for r in range(3):
+                    value = error[3 * nodes[i] + r]
+                    for j in range(a):
+                        block = hessian[nodes[i], nodes[j], r]
+                        first = 3 * nodes[j]
+                        value -= block[0] * move[first] + block[1] * move[first + 1] + block[2] * move[first + 2]
+                    rhs[3 * i + r] = value
+            _newton_matrix(hessian, nodes, compliance, matrix)
+            if not solve_in_place(matrix, rhs):
+                break
+            for i in range(a):
+                for r in range(3):
+                    change[3 * nodes[i] + r] = rhs[3 * i + r]
+        times(compliance, change, move)
+        length, best, least = 1.0, 0.0, np.inf
+        for _ in range(7):
+            _all_forces(
+                (rest + y - length * move).reshape(n, 3), *contacts, gradient, hessian, touched, push, slip, pull, seen,
+            )
+            for i in range(m):
+                error[i] = gradient[i // 3, i % 3] - lam[i] - length * change[i]
+            times(compliance, error, response)
+            left = (error * response).sum()
+            if left < least:
+                least, best = left, length
+            if left <= (1.0 - 0.2 * length) * size:
+                break
+            length *= 0.5
+        if best != length:
+            length = best
+            _all_forces(
+                (rest + y - length * move).reshape(n, 3), *contacts, gradient, hessian, touched, push, slip, pull, seen,
+            )
+        for i in range(m):
+            y[i] -= length * move[i]
+            lam[i] += length * change[i]
+    if converged:
+        for i in range(m):
+            lam[i] = gradient[i // 3, i % 3]
+    return lam, push, slip, pull, converged, iteration

@@ -1,0 +1,30 @@
+"""Gaussian elimination against LAPACK."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from mixpinn.press.elimination import solve_in_place, times
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 4, 5, 7, 8, 30, 61])
+def test_it_solves_what_lapack_solves(n) -> None:
+    rng = np.random.default_rng(n)
+    matrix, rhs = rng.normal(size=(n, n)), rng.normal(size=n)
+    solution = rhs.copy()
+    assert solve_in_place(matrix.copy(), solution)
+    assert_allclose(solution, np.linalg.solve(matrix, rhs), rtol=1e-9, atol=1e-9)
+
+
+def test_pivots_are_sought_and_singular_matrices_noticed() -> None:
+    rhs = np.array([1.0, 2.0])
+    assert solve_in_place(np.array([[0.0, 1.0], [1.0, 0.0]]), rhs)
+    assert_allclose(rhs, [2.0, 1.0])
+    assert not solve_in_place(np.zeros((3, 3)), np.ones(3))
+
+
+def test_products() -> None:
+    rng = np.random.default_rng(0)
+    matrix, vector, out = rng.normal(size=(7, 5)), rng.normal(size=5), np.empty(7)
+    times(matrix, vector, out)
+    assert_allclose(out, matrix @ vector)
