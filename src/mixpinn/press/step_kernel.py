@@ -74,8 +74,8 @@ def _all_forces(  # type: ignore[no-untyped-def]
     """Gradient and stiffness of the contacts `pairs` (probe, point) at node positions x; fills the last arrays.
 
     `before`, `carried`, `push`, `slip` and `world_force` go by pair. The stiffness is by nodes, (n, n, 3, 3), and
-    filled where they are touched. `seen` (c, 4) remembers where a point was and how far from the gap: while it has not moved
-    as far as that, there is nothing to ask.
+    filled where they are touched. `seen` (c, 4) remembers where a point was and how far from the gap: while it has not
+    moved as far as that, there is nothing to ask.
     """
     gradient[:] = 0.0
     touched[:] = False

@@ -154,13 +154,20 @@ class Answer:
                 f"Expected mean error against the solver: {self.trust.expected:.3f} mm, with "
                 f"{100.0 * (self.trust.level or 0.0):.0f} % probability below {self.trust.bound:.3f} mm"
             )
+            if self.trust.force_bound is not None and self.trust.motion_bound is not None:
+                lines.append(
+                    f"With the same probability the force errs by less than {self.trust.force_bound:.2f} N, the "
+                    f"motions by less than {self.trust.motion_bound:.3f} mm"
+                )
         return tuple(lines)
 
     def warnings(self) -> tuple[str, ...]:
-        """What speaks against the answer, in words, a line each; nothing where it is sound."""
+        """What speaks against the answer, in words, a line each; of a sound one what else there is to know."""
         trust = self.trust
-        if trust is None or trust.sound:
+        if trust is None:
             return ()
+        if trust.sound:
+            return trust.reasons
         verdict = "the answer did not converge" if not trust.converged else "the answer is outside of what is known"
         return tuple(f"{verdict}: {reason}" for reason in trust.reasons) or (verdict,)
 

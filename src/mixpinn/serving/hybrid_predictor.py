@@ -2,7 +2,6 @@
 
 import time
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -19,7 +18,6 @@ from mixpinn.serving.motions import motions_of_field, motions_of_twists
 
 if TYPE_CHECKING:
     from mixpinn.press.model import PoseModel
-    from mixpinn.press.records import ContactPrediction
 
 
 class HybridPredictor:
@@ -133,8 +131,8 @@ class HybridPredictor:
             history: `Answer.history` of an earlier answer.
 
         Raises:
-            InputError: a bundle without contact from the pose, a pose that is not finite or no rotation, or the
-                history of something else.
+            InputError: a bundle without contact from the pose, a pose that is not finite or no rotation, one beyond
+                sense (far inside the body, or pressing from another side), or the history of something else.
         """
         if self.pose is None:
             raise InputError(
@@ -159,7 +157,7 @@ class HybridPredictor:
             self.mesh, found.displacement, Source.HYBRID_POSE, model=self.name, force=wrench[..., :3],
             moment=wrench[..., 3:], motions=motions_of_twists(self.mesh, found.twists),
             contact=Contact(contact.nodes, contact.displacement, contact.forces),
-            trust=self._trust_of_contact(contact), discretisation=discretisation_of(self.mesh),
+            trust=found.trust, discretisation=discretisation_of(self.mesh),
             history=contact.history,
         )
 
@@ -218,10 +216,3 @@ class HybridPredictor:
         if outside:
             reasons = (*reasons, "the deformation lies outside of what the model has seen")
         return Trust(error.expected(signs), error.bound(signs), error.level, outside, reasons, converged)
-
-    def _trust_of_contact(self, contact: "ContactPrediction") -> Trust:
-        """Of a pose: the expected error is that of given contact, which says nothing of contact itself."""
-        if not len(contact.nodes):
-            return Trust(converged=contact.converged)
-        trust = self._trust(self._state(contact.nodes, contact.displacement), converged=contact.converged)
-        return replace(trust, expected=None, bound=None, level=None)

@@ -1,0 +1,117 @@
+"""How long answers take, on an idle and on a busy machine, and how that grows with the mesh.
+
+``python -m benchmarks.latency BUNDLE [FINER_BUNDLE]`` times single predictions, warm, and prints as its last line a
+JSON object [ms]: ``contact_ms_*`` from contact displacements to the displacement of all nodes; ``pose_ms_*`` from the
+probe's pose to field, force and motions; ``busy_pose_ms_p99`` the same beside another process that computes without
+pause; ``one_thread_pose_ms_p50`` with every library held to one thread, in a process of its own; ``growth`` the median
+from contact on the finer bundle relative to that on the first (null without one); ``bundle_mb`` the size of the bundle.
+``cores`` and ``load`` say what machine it was.
+"""
+
+import argparse
+import json
+import multiprocessing
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+_THREADS = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS")
+_parser = argparse.ArgumentParser(prog="python -m benchmarks.latency", description=__doc__)
+_parser.add_argument("bundle", type=Path)
+_parser.add_argument("finer", type=Path, nargs="?")
+_parser.add_argument("--repeats", type=int, default=400)
+_parser.add_argument("--only-pose", action="store_true", help="time the pose alone")
+
+
+def milliseconds(ask: Callable[[int], object], repeats: int) -> list[float]:
+    """Wall time of `ask(0)`, `ask(1)` …, the first 20 of which do not count."""
+    found = []
+    for index in range(-20, repeats):
+        began = time.perf_counter()
+        ask(index % repeats)
+        if index >= 0:
+            found.append(1e3 * (time.perf_counter() - began))
+    return found
+
+
+def measure(options: argparse.Namespace) -> dict[str, Any]:
+    """All figures."""
+    import numpy as np
+
+    from benchmarks.dependability import random_presses
+    from mixpinn.serving import HybridPredictor
+
+    predictor = HybridPredictor.load(options.bundle)
+    model = predictor.pose
+    assert model is not None, "the bundle takes no poses"
+    rng = np.random.default_rng(0)
+    poses = [
+        (press.rotation, tip) for press in random_presses(model, 20, rng)
+        for tip in press.tips()[rng.integers(4, 81, size=max(1, options.repeats // 20))]
+    ]
+
+    def ask_pose(index: int) -> object:
+        rotation, tip = poses[index % len(poses)]
+        return predictor.press(tip, rotation=rotation)
+
+    pose = milliseconds(ask_pose, options.repeats)
+    found: dict[str, Any] = {
+        "pose_ms_p50": float(np.percentile(pose, 50)), "pose_ms_p99": float(np.percentile(pose, 99)),
+    }
+    if options.only_pose:
+        return found
+    contact = contact_times(predictor, poses, options.repeats)
+    busy = multiprocessing.get_context("spawn").Process(target=_compute, daemon=True)
+    busy.start()
+    time.sleep(2.0)
+    beside = milliseconds(ask_pose, options.repeats)
+    busy.terminate()
+    growth = None
+    if options.finer is not None:
+        finer = contact_times(HybridPredictor.load(options.finer), poses, options.repeats)
+        growth = float(np.median(finer) / np.median(contact))
+    return {
+        "contact_ms_p50": float(np.percentile(contact, 50)), "contact_ms_p99": float(np.percentile(contact, 99)),
+        **found, "busy_pose_ms_p99": float(np.percentile(beside, 99)),
+        "one_thread_pose_ms_p50": one_thread(options.bundle, options.repeats), "growth": growth,
+        "bundle_mb": sum(file.stat().st_size for file in options.bundle.rglob("*") if file.is_file()) / 1e6,
+        "nodes": predictor.mesh.n_points, "cores": os.cpu_count(), "load": os.getloadavg()[0],
+    }
+
+
+def contact_times(predictor: Any, poses: Sequence[tuple[Any, Any]], repeats: int) -> list[float]:
+    """From the contact nodes of these poses to the field."""
+    asked = []
+    for rotation, tip in poses:
+        contact = predictor.press(tip, rotation=rotation).contact
+        if len(contact.nodes):
+            asked.append((contact.nodes, contact.displacement))
+    return milliseconds(lambda index: predictor.predict(*asked[index % len(asked)]), repeats)
+
+
+def one_thread(bundle: Path, repeats: int) -> float:
+    """Median from the pose [ms] in a process whose libraries have one thread each."""
+    command = [sys.executable, "-m", "benchmarks.latency", str(bundle), "--only-pose", "--repeats", str(repeats)]
+    environment = {**os.environ, **dict.fromkeys(_THREADS, "1")}
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+    return float(json.loads(done.stdout.strip().splitlines()[-1])["pose_ms_p50"])
+
+
+def _compute() -> None:
+    """Keep one core busy."""
+    total = 0
+    while True:
+        total = (total * 3 + 1) % 1_000_003
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Measure and print."""
+    print(json.dumps(measure(_parser.parse_args(arguments))))
+
+
+if __name__ == "__main__":
+    main()
