@@ -42,8 +42,8 @@ class CgalMesher:
         sliver_bound: dihedral angle at which both stop [degree].
     """
 
-    perturb_seconds: float = 30.0
-    exude_seconds: float = 30.0
+    perturb_seconds: float = 60.0
+    exude_seconds: float = 60.0
     sliver_bound: float = 12.0
     name: str = "cgal"
 
