@@ -33,7 +33,8 @@ skin = pv.PolyData.from_regular_faces(mesh.points + answer.displacement[last], m
 skin["pressure [kPa]"] = np.zeros(mesh.n_points)
 skin["pressure [kPa]"][found.nodes] = 1e3 * found.pressure
 plotter = pv.Plotter(window_size=(800, 500))
-plotter.add_mesh(skin, scalars="pressure [kPa]", cmap="Reds", show_edges=True)
+plotter.add_mesh(skin, scalars="pressure [kPa]", cmap="Reds", show_edges=True,
+                 scalar_bar_args={"vertical": True})
 plotter.view_vector((0.3, 1.0, -0.3), viewup=(0.0, 0.0, -1.0))
 plotter.show()
 

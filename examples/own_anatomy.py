@@ -36,7 +36,8 @@ mesh = mx.make_mesh(labels, size=2.0)
 print(f"{mesh.n_points} nodes, rigid parts: {mesh.rigid_names}")
 
 plotter = pv.Plotter(window_size=(700, 500))
-plotter.add_mesh(mesh.grid().clip("x"), scalars="part", show_edges=True, cmap=["bisque", "ivory"])
+plotter.add_mesh(mesh.grid().clip("x"), scalars="part", show_edges=True, cmap=["bisque", "ivory"],
+                 show_scalar_bar=False)
 plotter.show()
 
 # %%

@@ -72,18 +72,18 @@ torch.manual_seed(0)
 network = Averaging(mesh)
 fields = [tuple(map(torch.from_numpy, (table.contact_field(i), table.displacement[i]))) for i in range(len(table))]
 optimizer = torch.optim.Adam(network.parameters(), lr=1e-2)
-losses = []
-for _ in range(40):
+losses = np.zeros(40)
+for epoch in range(len(losses)):
     for contact, truth in fields:
         optimizer.zero_grad()
         loss = (network(contact) - truth).norm(dim=1).mean()
         loss.backward()
         optimizer.step()
-        losses.append(float(loss.detach()))
+        losses[epoch] += float(loss.detach()) / len(fields)
 
 figure, axes = plt.subplots(figsize=(5.0, 3.2), layout="constrained")
 axes.plot(losses)
-axes.set(xlabel="step", ylabel="mean error [mm]", ylim=(0.0, None))
+axes.set(xlabel="epoch", ylabel="mean error [mm]", ylim=(0.0, None))
 
 # %%
 # **Check.** Predicting no motion at all has, by definition, the mean displacement as its error; a network that has

@@ -27,8 +27,10 @@ for name, motion in answer.motions.items():
 grid = answer.grid()
 grid["moved [mm]"] = np.linalg.norm(answer.displacement, axis=1)
 plotter = pv.Plotter(window_size=(900, 600))
-plotter.add_mesh(grid.clip("x", origin=(0.0, 0.0, 0.0)), scalars="moved [mm]", show_edges=True)
-probe = pv.PolyData.from_regular_faces(scene.probe.points + np.array([0.0, back - 4.0, 0.0]), scene.probe.triangles)
+plotter.add_mesh(grid.clip("x", origin=(0.0, 0.0, 0.0)), scalars="moved [mm]", show_edges=True,
+                 scalar_bar_args={"vertical": True})
+placed = scene.probe.points + np.array([0.0, back - 4.0, 0.0])
+probe = pv.PolyData.from_regular_faces(placed, scene.probe.triangles)
 plotter.add_mesh(probe, color="steelblue", opacity=0.6)
 plotter.view_vector((1.0, 0.35, -0.25), viewup=(0.0, 1.0, 0.0))
 plotter.show()
