@@ -52,4 +52,4 @@ drill: $(STAMP) ## What takes too long for every change: examples at full size, 
 	$(BIN)/python -m pytest --drill tests/drill $(wildcard tests/test_examples.py)
 
 clean: ## Remove what the commands here have made
-	rm -rf $(VENV) $(RUNS) build src/*.egg-info
+	rm -rf $(VENV) $(RUNS) build docs/gallery docs/generated src/*.egg-info
