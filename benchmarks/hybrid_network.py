@@ -22,7 +22,7 @@ from mixpinn.networks import MIXPINN
 from mixpinn.records import SampleTable
 from mixpinn.reduced.prior import ElasticPrior
 from mixpinn.serving import Predictor
-from mixpinn.stages.network_training import train_stage
+from mixpinn.stages.training import train_network
 from mixpinn.training import TrainConfig
 
 
@@ -78,11 +78,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     validation = study.table.at_positions(study.split.validation)
     validation = validation.select(np.arange(0, len(validation), 10))
     folder = options.out / "network"
-    result = train_stage(
-        folder, replace(MIXPINN.with_width(options.width), scaling=Scaling.STANDARD),
+    result = train_network(
+        study.mesh, MissedTable.of(train, study.prior), MissedTable.of(validation, study.prior),
+        replace(MIXPINN.with_width(options.width), scaling=Scaling.STANDARD),
         TrainConfig(learning_rate=2e-3, decay_patience=2, threads=options.threads, time_budget=60.0 * options.minutes),
-        mesh=study.mesh, table_train=MissedTable.of(train, study.prior),
-        table_validation=MissedTable.of(validation, study.prior),
+        out=folder,
     )
     model = PriorNetwork(study.prior, Predictor.load(folder, threads=options.threads))
     rows = measure([model], study.table.at_positions(study.split.test), study.mesh, "test")

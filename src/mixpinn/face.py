@@ -152,7 +152,7 @@ def fit(
     opened = store if isinstance(store, SimulationStore) else SimulationStore.open(simulations_folder(store))
     table, parts = load_samples(opened, split or SplitConfig())
     fit_model(
-        model, settings or ModelsConfig(names=(model,)), opened, table, parts, out=out, materials=materials,
+        opened, table, parts, model, settings or ModelsConfig(names=(model,)), out=out, materials=materials,
         devices=devices, held_out=held_out,
     )
     return load(out)

@@ -26,7 +26,7 @@ def samples(store):
 def test_baselines_alone(store, samples, tmp_path):
     table, split = samples
     background = Background(title="Nothing trained")
-    evaluations, report = evaluate_models([], store, table, split, QUICK, out=tmp_path, background=background)
+    evaluations, report = evaluate_models(store, table, split, [], QUICK, out=tmp_path, background=background)
     zero, prior, stepped = evaluations
     test = table.at_positions(split.test)
     # Predicting rest errs by the displacement itself.
@@ -41,35 +41,35 @@ def test_baselines_alone(store, samples, tmp_path):
 
 def test_finished_evaluation_is_read_again(store, samples, tmp_path):
     table, split = samples
-    first, report = evaluate_models([], store, table, split, QUICK, out=tmp_path)
+    first, report = evaluate_models(store, table, split, [], QUICK, out=tmp_path)
     written = report.stat().st_mtime_ns
-    second, again = evaluate_models([], store, table, split, QUICK, out=tmp_path)
+    second, again = evaluate_models(store, table, split, [], QUICK, out=tmp_path)
     assert again.stat().st_mtime_ns == written
     assert [evaluation.model for evaluation in second] == [evaluation.model for evaluation in first]
     for one, other in zip(first, second, strict=True):
         np.testing.assert_array_equal(one.metrics["mee"], other.metrics["mee"])
     report.unlink()
-    evaluate_models([], store, table, split, QUICK, out=tmp_path)
+    evaluate_models(store, table, split, [], QUICK, out=tmp_path)
     assert report.is_file()
     with pytest.raises(InputError, match="another seed, config"):
-        evaluate_models([], store, table, split, EvaluationConfig(pictures=False, seed=1), out=tmp_path)
+        evaluate_models(store, table, split, [], EvaluationConfig(pictures=False, seed=1), out=tmp_path)
 
 
 def test_missing_model_leaves_nothing(store, samples, tmp_path):
     with pytest.raises(InputError, match="absent"):
-        evaluate_models([tmp_path / "absent"], store, *samples, QUICK, out=tmp_path / "out")
+        evaluate_models(store, *samples, [tmp_path / "absent"], QUICK, out=tmp_path / "out")
     assert not (tmp_path / "out").exists()
 
 
 def test_baseline_of_unknown_tissue_is_refused_unless_it_is_given_or_left_out(store, samples, tmp_path):
     unknown = replace(store, scene={"simulator": "another"})
     with pytest.raises(InputError, match="constants of the tissue"):
-        evaluate_models([], unknown, *samples, QUICK, out=tmp_path / "a")
+        evaluate_models(unknown, *samples, [], QUICK, out=tmp_path / "a")
     assert not (tmp_path / "a").exists()
-    given, _ = evaluate_models([], unknown, *samples, QUICK, out=tmp_path / "b", materials=store.materials())
-    known, _ = evaluate_models([], store, *samples, QUICK, out=tmp_path / "c")
+    given, _ = evaluate_models(unknown, *samples, [], QUICK, out=tmp_path / "b", materials=store.materials())
+    known, _ = evaluate_models(store, *samples, [], QUICK, out=tmp_path / "c")
     np.testing.assert_array_equal(given[1].metrics["mee"], known[1].metrics["mee"])
-    left_out, _ = evaluate_models([], unknown, *samples, replace(QUICK, prior=False), out=tmp_path / "d")
+    left_out, _ = evaluate_models(unknown, *samples, [], replace(QUICK, prior=False), out=tmp_path / "d")
     assert len(left_out) == 1
 
 

@@ -1,24 +1,24 @@
+"""The training stage: settings, samples, and a run directory that explains itself and refuses another run."""
+
 import shutil
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from mixpinn.base.errors import InputError
+from mixpinn.base.files import read_json
+from mixpinn.base.rundir import is_finished
 from mixpinn.dataset import SimulationStore, Split
 from mixpinn.graph import Scaling
 from mixpinn.networks import MODELS
-from mixpinn.stages.training import ModelsConfig, SplitConfig, load_samples
-from mixpinn.training import PHYSGNN_TRAINING, TrainConfig
+from mixpinn.records import SampleTable, TissueMesh
+from mixpinn.stages.training import ModelsConfig, SplitConfig, load_samples, train_network
+from mixpinn.training import TrainConfig
+from training.toy_block import TINY, block_mesh
 
-
-def test_physgnn_takes_the_settings_of_its_authors_unless_told_otherwise():
-    config = ModelsConfig(train=TrainConfig(max_epochs=7))
-    assert config.training("mixpinn") == TrainConfig(max_epochs=7)
-    own = config.training("physgnn")
-    assert (own.learning_rate, own.batch_size) == (PHYSGNN_TRAINING.learning_rate, PHYSGNN_TRAINING.batch_size)
-    assert own.max_epochs == 7
-    told = ModelsConfig(train=TrainConfig(learning_rate=1e-3, batch_size=2)).training("physgnn")
-    assert (told.learning_rate, told.batch_size) == (1e-3, 2)
+CONFIG = TrainConfig(max_epochs=1, threads=1)
 
 
 def test_every_model_can_be_asked_for():
@@ -60,3 +60,30 @@ def test_unfinished_simulations_are_refused(store, tmp_path):
     (tmp_path / "store" / "status" / "pose_005_000.json").unlink()
     with pytest.raises(InputError, match="1 poses missing, the first pose_005_000"):
         load_samples(SimulationStore.open(tmp_path / "store"), SplitConfig())
+
+
+def test_the_run_directory_explains_itself_and_is_extended(
+    tmp_path: Path, mesh: TissueMesh, table: SampleTable, validation: SampleTable,
+) -> None:
+    def stage(config: TrainConfig) -> None:
+        train_network(mesh, table, validation, TINY, config, out=tmp_path, accelerator="cpu")
+
+    stage(CONFIG)
+    assert is_finished(tmp_path)
+    names = {"run.json", "model.json", "weights.safetensors", "mesh.vtu", "state.safetensors", "history.csv"}
+    assert names <= {path.name for path in tmp_path.iterdir()}
+    record = read_json(tmp_path / "run.json")
+    assert record["config"]["model"]["hidden"] == TINY.hidden
+    assert record["config"]["training"]["learning_rate"] == 5e-4
+    assert record["inputs"]["mesh"] == mesh.hash()
+    assert record["results"]["limits"]["max_epochs"] == 1
+    stage(replace(CONFIG, max_epochs=2))
+    assert read_json(tmp_path / "run.json")["results"]["epochs"] == 2
+    with pytest.raises(InputError, match="another config"):
+        stage(replace(CONFIG, learning_rate=1e-3))
+
+
+def test_bad_samples_leave_nothing_behind(tmp_path: Path, table: SampleTable, validation: SampleTable) -> None:
+    with pytest.raises(InputError, match="training samples"):
+        train_network(block_mesh(1.0), table, validation, TINY, CONFIG, out=tmp_path / "out")
+    assert not (tmp_path / "out").exists()

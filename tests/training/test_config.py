@@ -4,6 +4,7 @@ import pytest
 
 from mixpinn.base.config import build_config
 from mixpinn.base.errors import InputError
+from mixpinn.networks import MODELS
 from mixpinn.training import PAPER_TRAINING, PHYSGNN_TRAINING, TrainConfig
 
 
@@ -18,7 +19,7 @@ def test_defaults_are_the_papers() -> None:
 @pytest.mark.parametrize(("name", "value"), [
     ("learning_rate", 0.0), ("learning_rate", float("nan")), ("weight_decay", -1.0), ("decay_factor", 1.0),
     ("decay_patience", 0), ("stop_patience", 0), ("batch_size", 0), ("max_epochs", 0), ("seed", -1), ("threads", 0),
-    ("time_budget", 0.0), ("min_learning_rate", 1.0),
+    ("time_budget", 0.0), ("min_learning_rate", -1.0),
 ])
 def test_senseless_settings_are_refused(name: str, value: float) -> None:
     with pytest.raises(InputError, match=name):
@@ -29,3 +30,19 @@ def test_senseless_settings_are_refused(name: str, value: float) -> None:
 def test_unknown_settings_are_refused(values: dict[str, object]) -> None:
     with pytest.raises(InputError):
         build_config(TrainConfig, values)
+
+
+@pytest.mark.parametrize("name", ["mixpinn", "simple-gat", "physgnn"])
+def test_a_model_takes_its_own_numbers_where_none_are_given(name: str) -> None:
+    own = PHYSGNN_TRAINING if name == "physgnn" else PAPER_TRAINING
+    found = TrainConfig(max_epochs=7).for_model(MODELS[name])
+    assert (found.learning_rate, found.batch_size, found.max_epochs) == (own.learning_rate, own.batch_size, 7)
+    assert found.for_model(MODELS["mixpinn"]) == found  # resolved once
+
+
+def test_given_numbers_stand_even_where_they_are_another_models_own() -> None:
+    given = TrainConfig(learning_rate=PAPER_TRAINING.learning_rate, batch_size=PAPER_TRAINING.batch_size)
+    found = given.for_model(MODELS["physgnn"])
+    assert (found.learning_rate, found.batch_size) == (5e-4, 4)
+    with pytest.raises(InputError, match="min_learning_rate"):
+        TrainConfig(min_learning_rate=1e-3).for_model(MODELS["mixpinn"])

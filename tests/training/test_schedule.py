@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mixpinn.training import Schedule, TrainConfig
+from mixpinn.training import PAPER_TRAINING, Schedule
 
-CONFIG = TrainConfig()
+CONFIG = PAPER_TRAINING
 
 
 def run(losses: list[float]) -> list[Schedule]:

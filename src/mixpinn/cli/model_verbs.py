@@ -52,7 +52,7 @@ def train(
     )
     store = SimulationStore.open(simulations_folder(source))
     table, split = load_samples(store, SplitConfig(file=str(split_file) if split_file else None))
-    result = fit_model(model, settings, store, table, split, out=out, devices=devices, held_out=hold_out)
+    result = fit_model(store, table, split, model, settings, out=out, devices=devices, held_out=hold_out)
     if isinstance(result, HybridModel):
         samples = result.about["training_samples"]
         say(f"{len(result.newton.modes)} modes from {samples} samples; model in {out}")
@@ -84,7 +84,7 @@ def evaluate(
     store = SimulationStore.open(simulations_folder(source))
     table, split = load_samples(store, SplitConfig(file=str(split_file) if split_file else None))
     evaluations, report = evaluate_models(
-        models, store, table, split, EvaluationConfig(pictures=pictures, with_paper=paper), out=out,
+        store, table, split, models, EvaluationConfig(pictures=pictures, with_paper=paper), out=out,
         threads=threads, held_out=hold_out,
     )
     say(results_table(evaluations, with_paper=paper).rich())

@@ -18,10 +18,9 @@ from mixpinn.dataset.status import PoseState, PoseStatus, content_hash, folder_s
 from mixpinn.fem.contact.model import ContactConfig
 from mixpinn.fem.material.hyperelastic import Material
 from mixpinn.fem.scene_record import recorded_contact, recorded_materials, scene_hash
-from mixpinn.records import Probe, Simulation, TissueMesh
+from mixpinn.records import MESH_FILE, Probe, Simulation, TissueMesh
 
 RECORD = "store.json"
-MESH = "mesh.vtu"
 PROBE = "probe.stl"
 STATUS = "status"
 STORE = Artefact("store of simulations", 1, "put the file back from a copy, or simulate into another folder")
@@ -100,11 +99,11 @@ class SimulationStore:
                     fix="choose another folder or delete this one",
                 )
             return store
-        mesh.save(folder / MESH)
+        mesh.save(folder / MESH_FILE)
         if probe is not None:
             probe.save(folder / PROBE)
         write_json(folder / RECORD, record)
-        STORE.seal(folder, [RECORD, MESH, *([] if probe is None else [PROBE])])
+        STORE.seal(folder, [RECORD, MESH_FILE, *([] if probe is None else [PROBE])])
         return store
 
     @staticmethod
@@ -131,7 +130,7 @@ class SimulationStore:
         if mesh is not None and mesh.hash() != store.mesh_hash:
             raise InputError(
                 str(folder), expected=f"simulations of the mesh {mesh.hash()}", got=f"those of {store.mesh_hash}",
-                fix="use the mesh that the store was made with (its mesh.vtu)",
+                fix=f"use the mesh that the store was made with (its {MESH_FILE})",
             )
         return store
 
@@ -179,11 +178,11 @@ class SimulationStore:
         Raises:
             InputError: absent or altered.
         """
-        STORE.check(self.folder, MESH)
-        mesh = TissueMesh.load(self.folder / MESH)
+        STORE.check(self.folder, MESH_FILE)
+        mesh = TissueMesh.load(self.folder / MESH_FILE)
         if mesh.hash() != self.mesh_hash:
             raise InputError(
-                str(self.folder / MESH), expected=f"the mesh {self.mesh_hash}", got=f"the mesh {mesh.hash()}",
+                str(self.folder / MESH_FILE), expected=f"the mesh {self.mesh_hash}", got=f"the mesh {mesh.hash()}",
                 fix="put the mesh of the simulations back",
             )
         return mesh

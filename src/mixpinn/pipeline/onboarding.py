@@ -176,7 +176,7 @@ def _report(store: SimulationStore, last: SampleTable, config: OnboardingConfig,
     split = Split("last round", others, np.empty(0, dtype=np.int64), positions)
     split.save(out / BUNDLE / SPLIT_FILE)
     _, page = evaluate_models(
-        [out / BUNDLE], store, last, split, EvaluationConfig(pictures=config.pictures), out=out / "evaluation",
+        store, last, split, [out / BUNDLE], EvaluationConfig(pictures=config.pictures), out=out / "evaluation",
         background=Background(
             title="A predictor for one anatomy",
             introduction="The elastic prior of this anatomy with a correction learned from simulated poses, tested on "

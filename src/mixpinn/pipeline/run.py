@@ -73,7 +73,7 @@ def run_pipeline(config: RunConfig, *, out: Path | str, threads: int | None = No
     split.save(out / "split.json")
     for name in config.models.names:
         clock.measure(f"Training {name}", lambda name=name: fit_model(  # type: ignore[misc]
-            name, models, store, table, split, out=out / "models" / name,
+            store, table, split, name, models, out=out / "models" / name,
         ))
     background = Background(
         title=config.title, introduction=_introduction(config, meshed, len(store.poses), len(table)),
@@ -81,7 +81,7 @@ def run_pipeline(config: RunConfig, *, out: Path | str, threads: int | None = No
         provenance={"Anatomy": {"label map": anatomy.label_map.hash()}},
     )
     evaluations, report = clock.measure("Evaluation", lambda: evaluate_models(
-        [out / "models" / name for name in config.models.names], store, table, split, config.evaluation,
+        store, table, split, [out / "models" / name for name in config.models.names], config.evaluation,
         out=out / "evaluation", background=background, threads=threads,
     ))
     finish_run(out, {

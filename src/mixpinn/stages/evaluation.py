@@ -78,17 +78,17 @@ class Background:
 
 
 def evaluate_models(
-    models: Sequence[Path | str], store: SimulationStore, table: SampleTable, split: Split, config: EvaluationConfig, *,
+    store: SimulationStore, table: SampleTable, split: Split, models: Sequence[Path | str], config: EvaluationConfig, *,
     out: Path | str, background: Background | None = None, materials: Sequence[Material] | None = None,
     threads: int | None = None, held_out: str | None = None,
 ) -> tuple[tuple[Evaluation, ...], Path]:
     """Evaluate trained models and the untrained baselines on the test positions; write the report.
 
     Args:
-        models: model folders.
         store: the simulations.
         table: its samples.
         split: of its positions.
+        models: model folders.
         config: what is evaluated and shown.
         out: run directory: one JSON a model, ``report.html``, ``results.json``, ``.csv`` and ``.md``, pictures; a
             finished evaluation there is read again.

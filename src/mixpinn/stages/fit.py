@@ -13,17 +13,17 @@ from mixpinn.training import TrainingResult
 
 
 def fit_model(
-    name: str, models: ModelsConfig, store: SimulationStore, table: SampleTable, split: Split, *, out: Path | str,
+    store: SimulationStore, table: SampleTable, split: Split, name: str, config: ModelsConfig, *, out: Path | str,
     materials: Sequence[Material] | None = None, devices: int = 1, held_out: str | None = None,
 ) -> HybridModel | TrainingResult:
     """Fit one model in the run directory `out`; an interrupted run continues.
 
     Args:
-        name: ``hybrid``, or a network of the paper's tables.
-        models: width, scaling, optimizer; modes and regression of the hybrid model.
         store: the simulations.
         table: their samples.
         split: of their positions.
+        name: ``hybrid``, or a network of the paper's tables.
+        config: width, scaling, optimizer; modes and regression of the hybrid model.
         out: run directory.
         materials: one for each tissue, where the store cannot tell them: a class of one's own.
         devices: processes of a network's training, each with a device of its own.
@@ -33,6 +33,6 @@ def fit_model(
         InputError: an unknown name, or `out` holds another run.
     """
     if name != HYBRID:
-        return train_model(name, models, table, split, store, out=out, devices=devices, held_out=held_out)
-    settings = HybridStageConfig(hybrid=models.hybrid)
+        return train_model(store, table, split, name, config, out=out, devices=devices, held_out=held_out)
+    settings = HybridStageConfig(hybrid=config.hybrid)
     return make_hybrid(store, table, split, settings, out=out, materials=materials, held_out=held_out)

@@ -103,7 +103,7 @@ class MeshResult:
         MESH_RUN.check(folder)
         fidelity = folder / "fidelity.json"
         return MeshResult(
-            TissueMesh.load(folder / "mesh.vtu"),
+            TissueMesh.load(folder / MESH_FILE),
             build_config(MeshStatistics, read_json(folder / "statistics.json")),
             build_config(MeshQuality, read_json(folder / "quality.json")),
             build_config(MeshFidelity, read_json(fidelity)) if fidelity.exists() else None,
@@ -159,7 +159,7 @@ def make_mesh(
         leave_run(out)
         return MeshResult.load(out)
     result = _measure(*_build(source, config))
-    result.mesh.save(out / "mesh.vtu")
+    result.mesh.save(out / MESH_FILE)
     write_json(out / "statistics.json", result.statistics)
     write_json(out / "quality.json", result.quality)
     report = result.statistics.markdown()

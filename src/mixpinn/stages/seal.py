@@ -34,7 +34,7 @@ def seal_folder(folder: Path | str) -> list[tuple[Path, Artefact]]:
     found: list[tuple[Path, Artefact, tuple[str, ...]]] = [
         (where, artefact, names) for where, artefact, names in (
             (folder, _LABELS, (LABELS_FILE, LABELS_FILE.replace(".nii.gz", ".json"))),
-            (folder, store.STORE, (store.RECORD, store.MESH, store.PROBE)),
+            (folder, store.STORE, (store.RECORD, MESH_FILE, store.PROBE)),
             (folder, checkpoint.NETWORK, (checkpoint.MODEL_FILE, checkpoint.WEIGHTS_FILE, MESH_FILE)),
             (folder, prior.PRIOR, prior.FILES),
             (folder / hybrid.PRIOR_FOLDER, prior.PRIOR, prior.FILES),

@@ -17,7 +17,8 @@ from mixpinn.base.progress import console
 from mixpinn.base.rundir import RECORD, finish_run, start_run
 from mixpinn.dataset import SimulationStore, Split
 from mixpinn.evaluation import ZeroModel
-from mixpinn.records import SampleTable, TissueMesh
+from mixpinn.networks import MIXPINN
+from mixpinn.records import MESH_FILE, SampleTable, TissueMesh
 from mixpinn.stages.anatomy import AnatomyConfig, make_anatomy, source_settings
 from mixpinn.stages.mesh import load_mesh, make_mesh
 from mixpinn.stages.prior import cached_prior
@@ -99,7 +100,7 @@ def write_finished(out: Path, config: AblationConfig) -> Path:
             fix="give the settings that it was begun with",
         )
     jobs = plan_jobs(config, Split.load(out / "split.json"), SampleTable.load(out / SAMPLES / "train"))
-    mesh = TissueMesh.load(out / SAMPLES / "mesh.vtu")
+    mesh = TissueMesh.load(out / SAMPLES / MESH_FILE)
     finished = [job for job in jobs if is_done(out, job)]
     console.print(f"{len(finished)} of {len(jobs)} runs are finished")
     return write_ablation_report(out, finished, config, mesh)
@@ -110,6 +111,7 @@ def _settings(config: AblationConfig) -> dict[str, Any]:
     settings = asdict(config)
     for name in ("anatomy", "mesh", "simulation"):
         del settings[name]
+    settings["train"] = asdict(config.train.for_model(MIXPINN))
     del settings["train"]["threads"]
     return settings
 
@@ -122,7 +124,7 @@ def _simulations(
     for candidate in (path / STORE, path):
         if (candidate / "store.json").is_file():
             return SimulationStore.open(candidate)
-    if path.suffix == ".vtu" or (path / "mesh.vtu").is_file():
+    if path.suffix == ".vtu" or (path / MESH_FILE).is_file():
         mesh = load_mesh(path)
     else:
         anatomy = build_config(AnatomyConfig, asdict(config.anatomy), source_settings(source))

@@ -10,11 +10,11 @@ from mixpinn.base.files import hash_file, read_json
 from mixpinn.dataset import Split
 from mixpinn.evaluation import evaluate
 from mixpinn.networks import MODELS, WEIGHTS_FILE, ModelConfig
-from mixpinn.records import Evaluation, SampleTable, TissueMesh
+from mixpinn.records import MESH_FILE, Evaluation, SampleTable, TissueMesh
 from mixpinn.serving import Predictor
-from mixpinn.stages.network_training import train_stage
+from mixpinn.stages.training import train_network
 from mixpinn.studies.ablation_config import AblationConfig
-from mixpinn.training import TrainConfig
+from mixpinn.training import TrainingSettings
 
 SAMPLES, EVALUATIONS, MODELS_FOLDER = "samples", "evaluations", "rows"
 
@@ -37,7 +37,7 @@ class AblationJob:
     seed: int
     positions: tuple[int, ...] | None
     model: ModelConfig
-    train: TrainConfig
+    train: TrainingSettings
 
 
 def model_of(row: str, config: AblationConfig) -> ModelConfig:
@@ -47,14 +47,14 @@ def model_of(row: str, config: AblationConfig) -> ModelConfig:
     return replace(listed, layers=config.layers, hidden=hidden, scaling=config.scaling)
 
 
-def training_of(row: str, config: AblationConfig, *, seed: int, samples: int) -> TrainConfig:
+def training_of(row: str, config: AblationConfig, *, seed: int, samples: int) -> TrainingSettings:
     """The training of a row; `samples` is the number of its training samples, which turns passes into epochs."""
     train = replace(config.train, seed=seed)
     if MODELS[row].architecture == "physgnn":
         train = replace(train, learning_rate=config.physgnn_learning_rate, batch_size=config.physgnn_batch_size)
     if config.passes is not None:
         train = replace(train, max_epochs=max(1, round(config.passes / samples)))
-    return train
+    return train.for_model(MODELS[row])
 
 
 def plan_jobs(config: AblationConfig, split: Split, train: SampleTable) -> tuple[AblationJob, ...]:
@@ -104,12 +104,12 @@ def run_job(job: AblationJob, folder: Path, *, devices: int = 1) -> None:
         InputError: damaged samples or a damaged run directory.
         SolveError: the training diverged.
     """
-    mesh = TissueMesh.load(folder / SAMPLES / "mesh.vtu")
+    mesh = TissueMesh.load(folder / SAMPLES / MESH_FILE)
     train, validation = (SampleTable.load(folder / SAMPLES / part) for part in ("train", "validation"))
     if job.positions is not None:
         train = train.at_positions(np.array(job.positions))
     out = folder / MODELS_FOLDER / job.name
-    train_stage(out, job.model, job.train, mesh=mesh, table_train=train, table_validation=validation, devices=devices)
+    train_network(mesh, train, validation, job.model, job.train, out=out, devices=devices)
     predictor = Predictor.load(out, mesh=mesh, threads=job.train.threads, name=job.row)
     weights = hash_file(out / WEIGHTS_FILE)
     for name in test_set_names(folder):

@@ -11,7 +11,7 @@ from mixpinn.base.rundir import versions
 from mixpinn.dataset import Split
 from mixpinn.evaluation import Table, save_figure
 from mixpinn.graph import part_diameters, rigid_reach
-from mixpinn.networks import read_description
+from mixpinn.networks import MIXPINN, read_description
 from mixpinn.records import Evaluation, SampleTable, TissueMesh
 from mixpinn.studies.ablation_config import AblationConfig
 from mixpinn.studies.ablation_jobs import MODELS_FOLDER, SAMPLES, AblationJob, evaluation_path, test_set_names
@@ -137,7 +137,7 @@ def protocol_line(
         else f"at most {config.train.max_epochs} epochs, early stop after {config.train.stop_patience} without "
         "improvement"
     )
-    train = config.train
+    train = config.train.for_model(MIXPINN)
     repeated = ", ".join(row for row in config.repeated if row in config.models)
     every, first = ", ".join(map(str, config.seeds)), config.seeds[0]
     seeds = f"Seeds {every} for {repeated}; {first} for the others." if repeated else f"Seed {first} for all."

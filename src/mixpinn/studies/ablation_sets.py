@@ -9,7 +9,7 @@ from mixpinn.base.arrays import BoolArray
 from mixpinn.base.files import read_json, write_json, write_text
 from mixpinn.dataset import Split, build_sample_table, with_contact_noise
 from mixpinn.geometry.probe_shapes import linear_probe
-from mixpinn.records import SampleTable, TissueMesh
+from mixpinn.records import MESH_FILE, SampleTable, TissueMesh
 from mixpinn.stages.simulation import SimulationConfig, make_simulations
 from mixpinn.studies.ablation_config import AblationConfig, OtherProbe
 from mixpinn.studies.ablation_jobs import SAMPLES
@@ -113,7 +113,7 @@ def save_sets(
     validation: SampleTable,
 ) -> None:
     """Write training, validation and test samples for the workers, the list of test sets last."""
-    mesh.save(folder / SAMPLES / "mesh.vtu")
+    mesh.save(folder / SAMPLES / MESH_FILE)
     for name, samples in {"train": train, "validation": validation, **{k: v[1] for k, v in sets.items()}}.items():
         samples.save(folder / SAMPLES / name)
     described = [

@@ -2,7 +2,7 @@
 
 from mixpinn.training.arithmetic import settle_arithmetic
 from mixpinn.training.batches import Batch, batches, contact_fields
-from mixpinn.training.config import PAPER_TRAINING, PHYSGNN_TRAINING, TrainConfig
+from mixpinn.training.config import PAPER_TRAINING, PHYSGNN_TRAINING, TrainConfig, TrainingSettings
 from mixpinn.training.history import EpochRecord, TrainingResult, read_history
 from mixpinn.training.loop import train
 from mixpinn.training.schedule import Schedule
@@ -15,10 +15,10 @@ __all__ = [
     "Schedule",
     "TrainConfig",
     "TrainingResult",
+    "TrainingSettings",
     "batches",
     "contact_fields",
     "read_history",
     "settle_arithmetic",
     "train",
-
 ]

@@ -12,7 +12,7 @@ from mixpinn.base.errors import InputError
 from mixpinn.base.files import hash_arrays
 from mixpinn.networks import ModelConfig
 from mixpinn.records import SampleTable, TissueMesh
-from mixpinn.training.config import TrainConfig
+from mixpinn.training.config import TrainingSettings
 from mixpinn.training.history import EpochRecord, StopReason
 
 LIMITS = ("max_epochs", "time_budget", "threads")
@@ -36,7 +36,7 @@ class TrainingJob:
     """
 
     model_config: ModelConfig
-    config: TrainConfig
+    config: TrainingSettings
     mesh: TissueMesh
     table_train: SampleTable
     table_validation: SampleTable

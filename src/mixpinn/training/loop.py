@@ -47,7 +47,7 @@ def train(
 
     Args:
         model_config: the network; its REL weight decides the loss.
-        train_config: optimizer, schedule, limits.
+        train_config: optimizer, schedule, limits; what is None becomes the network's own.
         mesh: the mesh of the samples.
         table_train: training samples.
         table_validation: samples that decide learning rate, early stop and which weights are kept.
@@ -64,7 +64,9 @@ def train(
     """
     if devices < 1:
         raise InputError("devices", expected="at least 1", got=str(devices), fix="train on one device")
-    job = TrainingJob(model_config, train_config, mesh, table_train, table_validation, Path(out))
+    job = TrainingJob(
+        model_config, train_config.for_model(model_config), mesh, table_train, table_validation, Path(out),
+    )
     stopped_by = _launch(_fabric(devices, accelerator, train_config), job)
     history = read_history(job.folder)
     best = min(history, key=lambda record: record.validation_loss)

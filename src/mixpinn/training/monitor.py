@@ -9,7 +9,7 @@ from rich.progress import Progress
 from mixpinn.base.progress import progress_bar
 from mixpinn.records import SampleTable
 from mixpinn.training.batches import batch_count
-from mixpinn.training.config import TrainConfig
+from mixpinn.training.config import TrainingSettings
 from mixpinn.training.history import EpochRecord
 
 
@@ -38,7 +38,7 @@ class EpochLog(AbstractContextManager["EpochLog"]):
 class TrainingProgress(AbstractContextManager["TrainingProgress"]):
     """Two bars with time left: the run up to its epoch limit, and the epoch."""
 
-    def __init__(self, table: SampleTable, config: TrainConfig, epochs_done: int, *, visible: bool) -> None:
+    def __init__(self, table: SampleTable, config: TrainingSettings, epochs_done: int, *, visible: bool) -> None:
         self._per_epoch, self._max_epochs = batch_count(len(table), config.batch_size), config.max_epochs
         self._bar: Progress = progress_bar() if visible else Progress(disable=True)
         self._run = self._bar.add_task(

@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
-from mixpinn.training.config import TrainConfig
+from mixpinn.training.config import TrainConfig, TrainingSettings
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class Schedule:
     improved: bool = False
 
     @staticmethod
-    def start(config: TrainConfig) -> "Schedule":
+    def start(config: TrainingSettings) -> "Schedule":
         """The schedule before the first epoch."""
         return Schedule(config.learning_rate)
 
