@@ -18,7 +18,6 @@ JSON object:
 """
 
 import argparse
-import json
 import threading
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -26,6 +25,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+from benchmarks.history import report
 
 if TYPE_CHECKING:
     from mixpinn.press.model import PoseModel, PosePrediction
@@ -272,7 +273,7 @@ def measure(options: argparse.Namespace) -> dict[str, Any]:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Measure and print."""
-    print(json.dumps(measure(_parser.parse_args(arguments))))
+    report("dependability", measure(_parser.parse_args(arguments)))
 
 
 if __name__ == "__main__":

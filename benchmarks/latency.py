@@ -19,6 +19,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from benchmarks.history import report
+
 _THREADS = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS")
 _parser = argparse.ArgumentParser(prog="python -m benchmarks.latency", description=__doc__)
 _parser.add_argument("bundle", type=Path)
@@ -110,7 +112,7 @@ def _compute() -> None:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Measure and print."""
-    print(json.dumps(measure(_parser.parse_args(arguments))))
+    report("latency", measure(_parser.parse_args(arguments)))
 
 
 if __name__ == "__main__":

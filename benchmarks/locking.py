@@ -8,7 +8,6 @@ every edge halved too, where memory allows. The last line is a JSON object.
 """
 
 import argparse
-import json
 import os
 import sys
 import time
@@ -16,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.history import report
 from mixpinn.base.arrays import FloatArray
 from mixpinn.fem import ElasticSystem, LinearElastic, default_solver
 from mixpinn.fem.contact.face_points import FacePoints
@@ -93,7 +93,7 @@ def main() -> None:
                   f"{np.array2string(np.array(found['force_per_depth']), precision=3)} N/mm, vertebra/depth "
                   f"{np.array2string(np.array(found['vertebra_per_depth']), precision=3)}, {found['seconds']:.1f} s",
                   flush=True)
-    print(json.dumps(result))
+    report("locking", result)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,7 @@
 """The benchmarks' history: a line a run, and slow-downs that show."""
 
 import json
+from pathlib import Path
 
 import pytest
 
@@ -11,6 +12,14 @@ from benchmarks import history
 def folder(tmp_path, monkeypatch):
     monkeypatch.setenv(history.FOLDER_VARIABLE, str(tmp_path / "history"))
     return tmp_path / "history"
+
+
+def test_every_benchmark_ends_in_its_line():
+    folder = Path(history.__file__).parent
+    for path in sorted(folder.glob("*.py")):
+        text = path.read_text(encoding="utf-8")
+        if "__main__" in text and path.stem != "history":
+            assert f'report("{path.stem}", ' in text, f"{path.name} keeps no history"
 
 
 def test_each_run_adds_a_line_and_prints_its_figures(folder, capsys):
