@@ -7,7 +7,6 @@ prints a table and, as its last line, a JSON object: ``meshes``, ``failed``, ``i
 """
 
 import argparse
-import json
 import os
 import tempfile
 import time
@@ -17,6 +16,7 @@ from pathlib import Path
 import nibabel as nib
 import numpy as np
 
+from benchmarks.history import report
 from mixpinn.base.config import build_config, parse_overrides
 from mixpinn.base.errors import InputError
 from mixpinn.records import LabelMap
@@ -92,14 +92,14 @@ def main(names: list[str], config: MeshConfig) -> None:
         print(line)
     qualities = [result.quality for result in results]
     structures = [result.fidelity.structures for result in results if result.fidelity is not None]
-    print(json.dumps({
+    report("meshes", {
         "meshes": len(results), "failed": len(failed),
         "inverted": sum(quality.inverted for quality in qualities),
         "min_dihedral": min((quality.min_dihedral for quality in qualities), default=None),
         "bridging_faces": sum(quality.bridging_faces for quality in qualities),
         "rigid_dice_min": min((s.dice for found in structures for s in found[1:]), default=None),
         "body_dice_min": min((found[0].dice for found in structures), default=None),
-    }))
+    })
 
 
 if __name__ == "__main__":
