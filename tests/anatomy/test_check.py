@@ -135,7 +135,9 @@ def test_order_follows_the_affine():
 
 
 def test_order_of_the_whole_spine_and_gaps_in_it():
-    assert found(named("vertebrae_T12", "vertebrae_L1", "sacrum")) == {}
+    assert found(named("vertebrae_T12", "vertebrae_L1", "vertebrae_L2")) == {}
+    assert found(named("vertebrae_L4", "vertebrae_L5", "sacrum")) == {}
+    assert ("order", "vertebrae_L1 and sacrum") in found(named("vertebrae_T12", "vertebrae_L1", "sacrum"))
     assert found(named("vertebrae_T12", "vertebrae_L1", "liver")) == {}
     finding, = check(segmentation(named("vertebrae_L1", "vertebrae_L3")))
     assert finding.kind == "order"

@@ -1,6 +1,7 @@
 import pytest
 
-from mixpinn.anatomy.select import check_roles, select_files, structure_name
+from mixpinn.anatomy.image_file import structure_name
+from mixpinn.anatomy.select import check_roles, select_files
 from mixpinn.base.errors import InputError
 
 from .builders import masks, write_folder
@@ -39,7 +40,7 @@ def test_bad_folders(tmp_path):
     refuses("no such folder", select_files, tmp_path / "absent")
     empty = tmp_path / "empty"
     empty.mkdir()
-    refuses("a body", select_files, empty)
+    refuses("an empty folder", select_files, empty)
     structures = masks()
     refuses("a body", select_files, write_folder(
         tmp_path / "no_body", {name: mask for name, mask in structures.items() if name != "body_trunc"}))

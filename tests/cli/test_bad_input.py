@@ -47,7 +47,8 @@ def labels(tmp_path):
             "vertebrae_L2": box((4, 4, 6), (7, 7, 8)),
         }
         for name, mask in {**sound, **masks}.items():
-            nib.save(nib.Nifti1Image(mask, np.eye(4) if affine is None else affine), folder / f"{name}.nii.gz")
+            matrix = np.diag([10.0, 10.0, 10.0, 1.0]) if affine is None else affine
+            nib.save(nib.Nifti1Image(mask, matrix), folder / f"{name}.nii.gz")
         return folder
 
     return write
@@ -77,7 +78,9 @@ class TestAnatomy:
         refuses_anatomy(labels(vertebrae_L2=np.zeros(SHAPE, np.uint8)), ["vertebrae_L2", "at least one voxel"])
 
     def test_different_grids(self, labels, refuses_anatomy):
-        refuses_anatomy(labels(vertebrae_L2=np.ones((5, 5, 5), np.uint8)), ["vertebrae_L2.nii.gz", "resample"])
+        folder = labels()
+        nib.save(nib.Nifti1Image(np.ones((5, 5, 5), np.uint8), np.eye(4)), folder / "vertebrae_L2.nii.gz")
+        refuses_anatomy(folder, ["vertebrae_L2.nii.gz", "resample"])
 
     def test_vertebra_outside_the_body(self, labels, refuses_anatomy):
         refuses_anatomy(labels(body_trunc=box((1, 1, 0), (10, 9, 8))), ["vertebrae_L1", "outside"])

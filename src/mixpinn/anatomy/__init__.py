@@ -1,8 +1,10 @@
 """Label maps: what is where in the patient."""
 
-from mixpinn.anatomy.check import Finding, check, require_sound
+from mixpinn.anatomy.check import check
 from mixpinn.anatomy.crop import CROP_ABOVE, CROP_BELOW, crop, place_in_frame
-from mixpinn.anatomy.names import TOTAL_CLASSES, read_names
+from mixpinn.anatomy.finding import Finding, require_sound
+from mixpinn.anatomy.name_table import read_names
+from mixpinn.anatomy.names import TOTAL_CLASSES
 from mixpinn.anatomy.phantom import TINY_PHANTOM, PhantomConfig, make_phantom, phantom_segmentation, tiny_phantom
 from mixpinn.anatomy.picture import draw_label_map
 from mixpinn.anatomy.read import read_folder, read_multilabel

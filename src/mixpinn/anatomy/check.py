@@ -1,57 +1,18 @@
 """The label check: what segmentations get wrong, each finding with its name, size and whether it can be mended."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from itertools import combinations, pairwise
-from typing import Literal
 
 import numpy as np
 from scipy import ndimage
 
-from mixpinn.anatomy.names import spine_rank
+from mixpinn.anatomy.finding import Finding
+from mixpinn.anatomy.names import spine_rank, vertebrae_between
 from mixpinn.anatomy.segmentation import Segmentation, Structure, grown_box
 from mixpinn.base.arrays import BoolArray
-from mixpinn.base.errors import InputError
-
-Kind = Literal["order", "island", "hole", "touch", "overlap", "outside", "exposed", "cut off"]
 
 NEIGHBOURS_26 = np.ones((3, 3, 3), dtype=bool)
 """Voxels that share a face, an edge or a corner."""
-
-_ADVICE: dict[Kind, tuple[str, str]] = {
-    "overlap": ("structures that share no voxel", "segment them again or ask for repair"),
-    "outside": ("a rigid part inside the body", "check that both belong to one image, or ask for repair"),
-}
-
-
-@dataclass(frozen=True)
-class Finding:
-    """One thing that is wrong, or was.
-
-    Attributes:
-        kind: "order" (vertebrae not in sequence along the spine), "island" (a smaller component), "hole" (enclosed
-            background), "touch" (two rigid parts in adjacent voxels), "overlap" (two structures in one voxel),
-            "outside" (voxels outside the body), "exposed" (a rigid part at the body's surface), "cut off" (the
-            structure reaches the image's border).
-        structure: its name, or two names joined by " and ".
-        detail: what was seen, in words.
-        voxels: how many voxels are concerned.
-        repairable: whether `repair` mends it.
-        error: whether it makes the anatomy unusable as it is.
-        repaired: whether it has been mended.
-    """
-
-    kind: Kind
-    structure: str
-    detail: str
-    voxels: int
-    repairable: bool = True
-    error: bool = False
-    repaired: bool = False
-
-    def __str__(self) -> str:
-        state = "repaired" if self.repaired else "error" if self.error else "warning"
-        return f"{state}: {self.structure}: {self.kind}: {self.detail}"
 
 
 def check(segmentation: Segmentation) -> tuple[Finding, ...]:
@@ -64,20 +25,6 @@ def check(segmentation: Segmentation) -> tuple[Finding, ...]:
         *_check_order(segmentation), *_check_pieces(segmentation), *_check_holes(segmentation, solid),
         *_check_pairs(segmentation), *_check_inside(segmentation, solid), *_check_borders(segmentation),
     )
-
-
-def require_sound(findings: Sequence[Finding]) -> None:
-    """Refuse an anatomy with errors left.
-
-    Raises:
-        InputError: the first finding that is an error and was not repaired.
-    """
-    for finding in findings:
-        if finding.error and not finding.repaired:
-            expected, fix = _ADVICE.get(finding.kind, ("a sound label map", "ask for repair"))
-            if not finding.repairable:
-                fix = "segment it again or leave it out"
-            raise InputError(finding.structure, expected=expected, got=finding.detail, fix=fix)
 
 
 def largest_component(mask: BoolArray) -> tuple[BoolArray, int]:
@@ -152,7 +99,7 @@ def _check_order(segmentation: Segmentation) -> Iterator[Finding]:
         )
     ranks = [spine_rank(name) or 0 for name in right]
     for (upper, first), (lower, second) in pairwise(zip(right, ranks, strict=True)):
-        if second // 100 == first // 100 and second - first > 1:
+        if vertebrae_between(first, second):
             yield Finding("order", f"{upper} and {lower}", "a vertebra between them is left out", 0, repairable=False)
 
 

@@ -3,16 +3,16 @@
 import difflib
 import re
 from collections.abc import Iterable, Mapping
-from pathlib import Path
 
 from mixpinn.base.errors import InputError
-from mixpinn.base.files import read_json
 
 BODY_NAMES = ("body_trunc", "body", "trunk", "torso")
 """Names a body may bear, best first: the trunk without arms, as in the paper, before all of the body."""
 
 _REGIONS = {"C": 0, "T": 100, "L": 200, "S": 300}
-_VERTEBRA = re.compile(r"vertebrae?_?([CTLS])(\d+)$", re.IGNORECASE)
+_VERTEBRA = re.compile(r"(?:vertebra[e]?[_ ]*)?([CTLS])(\d{1,2})(?:[_ ]+vertebra[e]?)?$", re.IGNORECASE)
+_LAST = {"C": (7, 7), "T": (12, 13), "L": (4, 6)}
+"""Fewest and most vertebrae of a region, transitional ones included, for what may follow what."""
 
 
 def _sided(*names: str, order: tuple[str, str] = ("left", "right")) -> list[str]:
@@ -39,6 +39,23 @@ TOTAL_CLASSES: Mapping[int, str] = dict(enumerate([
 """Class numbers of TotalSegmentator version 2, task "total", as its option ``--ml`` writes them."""
 
 
+TOTAL_CLASSES_V1: Mapping[int, str] = dict(enumerate([
+    "spleen", *_sided("kidney", order=("right", "left")), "gallbladder", "liver", "stomach", "aorta",
+    "inferior_vena_cava", "portal_vein_and_splenic_vein", "pancreas", *_sided("adrenal_gland", order=("right", "left")),
+    "lung_upper_lobe_left", "lung_lower_lobe_left", "lung_upper_lobe_right", "lung_middle_lobe_right",
+    "lung_lower_lobe_right", *_vertebrae("L", 5), *_vertebrae("T", 12), *_vertebrae("C", 7), "esophagus", "trachea",
+    "heart_myocardium", "heart_atrium_left", "heart_ventricle_left", "heart_atrium_right", "heart_ventricle_right",
+    "pulmonary_artery", "brain", *_sided("iliac_artery", "iliac_vena"), "small_bowel", "duodenum", "colon",
+    *[f"rib_{side}_{number}" for side in ("left", "right") for number in range(1, 13)],
+    *_sided("humerus", "scapula", "clavicula", "femur", "hip"), "sacrum", "face",
+    *_sided("gluteus_maximus", "gluteus_medius", "gluteus_minimus", "autochthon", "iliopsoas"), "urinary_bladder",
+], start=1))
+"""Class numbers of TotalSegmentator version 1."""
+
+NAMED_TABLES: Mapping[str, Mapping[int, str]] = {"total": TOTAL_CLASSES, "total-v1": TOTAL_CLASSES_V1}
+"""Name tables that need no file."""
+
+
 def is_lumbar(name: str) -> bool:
     """Whether `name` is a lumbar vertebra."""
     match = _VERTEBRA.match(name)
@@ -53,30 +70,16 @@ def spine_rank(name: str) -> int | None:
     return _REGIONS[match[1].upper()] + int(match[2]) if match else None
 
 
-def read_names(path: Path | str) -> dict[int, str]:
-    """Read a name table: JSON ``{number: name}``, or ``{name: number}``, alone or under the key "labels".
-
-    Raises:
-        InputError: absent, not JSON, or not such a table.
-    """
-    table = read_json(path)
-    if isinstance(table, dict) and isinstance(table.get("labels"), dict):
-        table = table["labels"]
-    try:
-        entries = [(value, key) if isinstance(value, int) else (int(key), str(value)) for key, value in table.items()]
-    except (AttributeError, TypeError, ValueError) as error:
-        raise InputError(
-            str(path), expected='a table such as {"27": "vertebrae_L5"}', got=f"something else ({error})",
-            fix="write one entry a label",
-        ) from error
-    entries = [(number, name) for number, name in entries if number != 0]
-    names = dict(entries)
-    if not names or min(names) < 0 or len(set(names.values())) < len(entries) or len(names) < len(entries):
-        raise InputError(
-            str(path), expected="one name a number", got="an empty table, or a number or name that occurs twice",
-            fix="give each label a name of its own",
-        )
-    return names
+def vertebrae_between(upper: int, lower: int) -> bool:
+    """Whether there must be a vertebra between two places along the spine (see `spine_rank`)."""
+    if lower // 100 == upper // 100:
+        return lower - upper > 1
+    region = next((name for name, start in _REGIONS.items() if start == upper // 100 * 100), None)
+    if region not in _LAST:
+        return False
+    next_region = lower // 100 == upper // 100 + 1 and lower % 100 == 1
+    follows = next_region or (region == "L" and lower >= 1000)
+    return not follows or upper % 100 < _LAST[region][0]
 
 
 def unknown_structure(name: str, known: Iterable[str], *, where: str) -> InputError:

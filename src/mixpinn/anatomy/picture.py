@@ -9,7 +9,7 @@ from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from mixpinn.anatomy.check import Finding
+from mixpinn.anatomy.finding import Finding
 from mixpinn.base.arrays import AnyArray
 from mixpinn.base.files import atomic_path
 from mixpinn.records.label_map import LabelMap

@@ -9,8 +9,6 @@ from scipy import ndimage
 
 from mixpinn.anatomy.check import (
     NEIGHBOURS_26,
-    Finding,
-    Kind,
     exposed,
     filled,
     is_upside_down,
@@ -20,6 +18,7 @@ from mixpinn.anatomy.check import (
     spine_order,
     touching,
 )
+from mixpinn.anatomy.finding import Finding, Kind
 from mixpinn.anatomy.segmentation import Segmentation, Structure, common_box, grown_box
 from mixpinn.base.arrays import BoolArray, FloatArray
 from mixpinn.base.errors import InputError

@@ -6,6 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
+from mixpinn.anatomy.finding import Finding
 from mixpinn.base.arrays import BoolArray, FloatArray
 
 Index3 = tuple[int, int, int]
@@ -90,6 +91,7 @@ class Segmentation:
         rigid: rigid parts, in the order they were asked for.
         affine: voxel index to the scanner's RAS frame [mm], shape (4, 4).
         shape: of the image grid.
+        notes: what was noticed while reading.
     """
 
     body: Structure
@@ -97,6 +99,7 @@ class Segmentation:
     rigid: tuple[Structure, ...]
     affine: FloatArray
     shape: Index3
+    notes: tuple[Finding, ...] = ()
 
     @property
     def parts(self) -> tuple[Structure, ...]:

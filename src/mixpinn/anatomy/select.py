@@ -4,10 +4,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from mixpinn.anatomy.image_file import label_files, structure_name
 from mixpinn.anatomy.names import BODY_NAMES, is_lumbar, unknown_structure
 from mixpinn.base.errors import InputError
-
-_SUFFIXES = (".nii.gz", ".nii")
 
 
 @dataclass(frozen=True)
@@ -41,7 +40,13 @@ def select_files(
     if not folder.is_dir():
         raise InputError(str(folder), expected="a folder with one NIfTI a structure", got="no such folder",
                          fix="check the path")
-    found = {structure_name(path): path for path in sorted(folder.iterdir()) if path.name.endswith(_SUFFIXES)}
+    found = label_files(folder)
+    if not found:
+        seen = sorted({"".join(path.suffixes[-2:]) or path.name for path in folder.iterdir()})
+        raise InputError(
+            str(folder), expected="label images (.nii.gz, .nrrd, .mha), one a structure",
+            got=f"files of {', '.join(seen[:6])}" if seen else "an empty folder", fix="convert them, or check the path",
+        )
     where = f"the folder {folder}"
     body_path = _body_file(folder, found, body)
     if rigid is None:
@@ -49,7 +54,7 @@ def select_files(
         if not rigid:
             raise InputError(
                 str(folder), expected="lumbar vertebrae (vertebrae_L1.nii.gz …)",
-                got=f"only {', '.join(found) or 'no NIfTI file'}", fix="name the rigid parts",
+                got=f"only {', '.join(found)}", fix="name the rigid parts",
             )
     check_roles(structure_name(body_path), soft, rigid)
     for name in (*soft, *rigid):
@@ -87,11 +92,6 @@ def check_roles(body: str, soft: Sequence[str], rigid: Sequence[str]) -> None:
         raise InputError("structures", expected="at most 255", got=str(len(names)), fix="choose fewer")
 
 
-def structure_name(path: Path) -> str:
-    """Name of the structure in a file: the file's name without ``.nii`` or ``.nii.gz``."""
-    return path.name.removesuffix(".gz").removesuffix(".nii")
-
-
 def _body_file(folder: Path, found: Mapping[str, Path], body: Path | str | None) -> Path:
     if body is not None:
         if str(body) in found:
@@ -106,6 +106,6 @@ def _body_file(folder: Path, found: Mapping[str, Path], body: Path | str | None)
         raise InputError(str(folder), expected="one body", got=", ".join(candidates), fix="say which is the body")
     raise InputError(
         str(folder), expected="a body (" + ", ".join(f"{name}.nii.gz" for name in BODY_NAMES) + ")",
-        got=f"only {', '.join(found) or 'no NIfTI file'}",
+        got=f"only {', '.join(found)}",
         fix="add it (TotalSegmentator's task 'body') or name the body",
     )

@@ -34,9 +34,9 @@ app.add_typer(import_app, name="import")
 
 @app.command()
 def anatomy(
-    source: Annotated[str, typer.Argument(help="Folder of NIfTIs, one multi-label NIfTI, or 'phantom'.")],
+    source: Annotated[str, typer.Argument(help="Folder of label images, one multi-label image, or 'phantom'.")],
     out: Out,
-    names: Annotated[Path | None, typer.Option(help="JSON {number: name} of a multi-label image.")] = None,
+    names: Annotated[Path | None, typer.Option(help="Name table of a multi-label image, total or total-v1.")] = None,
     body: Annotated[str | None, typer.Option(help="Name or file of the body.")] = None,
     rigid: Annotated[list[str] | None, typer.Option(help="A rigid structure; repeatable. Lumbar vertebrae.")] = None,
     soft: Annotated[list[str] | None, typer.Option(help="A further soft tissue; repeatable.")] = None,

@@ -48,7 +48,7 @@ def demo(out: Out = Path("runs/demo"), overrides: Set = None, threads: Threads =
 
 @app.command()
 def onboard(
-    source: Annotated[str, typer.Argument(help="Folder of NIfTIs, one multi-label NIfTI, or 'phantom'.")],
+    source: Annotated[str, typer.Argument(help="Folder of label images, one multi-label image, or 'phantom'.")],
     out: Out,
     poses: Annotated[int | None, typer.Option(help="Poses to simulate and learn from; 0 stops at the prior.")] = None,
     probe: ProbeFile = None,

@@ -1,17 +1,19 @@
 """The anatomy stage: from a source of label maps to a checked label map in the world frame."""
 
 import contextlib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
-from mixpinn.anatomy.check import Finding, check, require_sound
+from mixpinn.anatomy.check import check
 from mixpinn.anatomy.crop import CROP_ABOVE, CROP_BELOW, crop, place_in_frame
+from mixpinn.anatomy.finding import ACCEPTABLE, Finding, require_sound
 from mixpinn.anatomy.phantom import PhantomConfig, phantom_segmentation
 from mixpinn.anatomy.picture import draw_label_map
+from mixpinn.anatomy.plausible import check_plausible
 from mixpinn.anatomy.read import read_folder, read_multilabel
 from mixpinn.anatomy.repair import repair
 from mixpinn.anatomy.segmentation import Segmentation
@@ -29,14 +31,17 @@ class AnatomyConfig:
     """Where an anatomy comes from and what is made of it.
 
     Attributes:
-        source: "folder" (one NIfTI a structure), "multilabel" (one NIfTI) or "phantom".
+        source: "folder" (one image a structure), "multilabel" (one image) or "phantom".
         path: the folder or file.
-        names: JSON name table of a multi-label image; by default TotalSegmentator's task "total".
+        names: name table of a multi-label image, or ``total`` or ``total-v1``; by default the names in the image's
+            header, and without them TotalSegmentator's task "total".
         body: name of the body, or a file; by default found by name.
         rigid: names of the rigid parts; by default every lumbar vertebra there is.
         soft: names of further soft tissues.
         crop_above, crop_below: margins of the crop about the rigid parts [mm].
         repair: whether to mend what the label check finds.
+        accept: kinds of finding that rest on what is usual and are refused otherwise, taken as warnings: ``affine``,
+            ``scale``, ``direction``, ``numbering``, ``cut off``.
         phantom: dimensions of the phantom.
         seed: of the phantom's variation; without it the phantom is exactly as configured.
     """
@@ -50,8 +55,19 @@ class AnatomyConfig:
     crop_above: float = CROP_ABOVE
     crop_below: float = CROP_BELOW
     repair: bool = False
+    accept: tuple[str, ...] = ()
     phantom: PhantomConfig = field(default_factory=PhantomConfig)
     seed: int | None = None
+
+    def __post_init__(self) -> None:
+        unknown = sorted(set(self.accept) - set(ACCEPTABLE))
+        if unknown:
+            raise InputError(
+                "accept", expected="some of " + ", ".join(ACCEPTABLE), got=unknown[0], fix="correct the setting",
+            )
+        for name, value in (("crop_above", self.crop_above), ("crop_below", self.crop_below)):
+            if not 0.0 <= value < np.inf:
+                raise InputError(name, expected="0 mm or more", got=f"{value:g}", fix="correct the setting")
 
 
 def source_settings(source: Path | str) -> dict[str, str | None]:
@@ -146,15 +162,27 @@ def _read(config: AnatomyConfig) -> Segmentation:
 
 def _compute(config: AnatomyConfig) -> AnatomyResult:
     source = _read(config)
+    require_sound(source.notes, accept=config.accept)
     segmentation = crop(source, above=config.crop_above, below=config.crop_below)
-    findings = check(segmentation)
+    doubts = check_plausible(segmentation)
+    require_sound([finding for finding in doubts if finding.kind == "scale"], accept=config.accept)
+    findings = (*source.notes, *doubts, *check(segmentation))
     if config.repair:
         mended, repairs = repair(segmentation)
         # Islands may have widened the crop: it is taken anew, and what is left is looked for in what is kept.
         segmentation = crop(mended, above=config.crop_above, below=config.crop_below)
-        findings = (*repairs, *check(segmentation))
-    require_sound(findings)
+        left = (*source.notes, *check_plausible(segmentation), *check(segmentation))
+        findings = (*repairs, *left, *_hidden(findings, left))
+    require_sound(findings, accept=config.accept)
     return AnatomyResult(place_in_frame(segmentation), findings)
+
+
+def _hidden(before: Sequence[Finding], after: Sequence[Finding]) -> Iterator[Finding]:
+    """What a repair does not mend and yet hides: half a vertebra at the image's end stays half a vertebra."""
+    seen = {(finding.kind, finding.structure) for finding in after}
+    for finding in before:
+        if finding.kind in ("cut off", "size") and (finding.kind, finding.structure) not in seen:
+            yield finding
 
 
 def _summary(result: AnatomyResult) -> dict[str, object]:
