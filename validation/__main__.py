@@ -23,6 +23,7 @@ from validation import (
     material,
     pressure,
     protocol,
+    quadratic,
     scaling,
     sofa_contact,
     sofa_imposed,
@@ -35,6 +36,7 @@ ROOT = Path(__file__).parents[1]
 TITLES = {
     "material": "Materials", "closed_form": "Patch test, uniaxial stretch, simple shear",
     "linear_elasticity": "Linear elasticity and orders of convergence", "hertz": "Hertz", "friction": "Friction",
+    "quadratic": "Quadratic tetrahedra",
     "balance": "Equilibrium of rigid bodies and probe", "pressure": "Contact area and pressure",
     "sofa_imposed": "SOFA's frames, contact displacements imposed",
     "sofa_contact": "SOFA's static fields, own contact", "sofa_transient": "SOFA's transient frames, own contact",
@@ -54,6 +56,7 @@ def checks(options: argparse.Namespace) -> dict[str, Callable[[], Section]]:
         "linear_elasticity": lambda: linear_elasticity.run(pictures),
         "hertz": lambda: hertz.run(pictures),
         "friction": lambda: friction.run(pictures),
+        "quadratic": lambda: quadratic.run(pictures),
         "balance": lambda: balance.run(pictures),
         "pressure": lambda: pressure.run(pictures),
         "sofa_imposed": lambda: sofa_imposed.run(pictures, cache=cache / "imposed", full=options.full),

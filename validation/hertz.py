@@ -53,20 +53,20 @@ def graded(fine: float, inner: float, outer: float) -> FloatArray:
     return np.array(places)
 
 
-def cap(extent: float, spacing: float) -> Probe:
-    """The lowest part of the sphere over a square of half width `extent`, triangulated with steps of `spacing` [mm]."""
+def cap(extent: float, spacing: float, *, radius: float = RADIUS) -> Probe:
+    """The lowest part of a sphere over a square of half width `extent`, triangulated with steps of `spacing` [mm]."""
     n = 2 * int(np.ceil(extent / spacing))
     line = np.linspace(-extent, extent, n + 1)
     x, z = np.meshgrid(line, line, indexing="ij")
-    height = RADIUS - np.sqrt(RADIUS**2 - x**2 - z**2)
+    height = radius - np.sqrt(radius**2 - x**2 - z**2)
     index = np.arange(x.size).reshape(x.shape)
     a, b, c, d = (part.ravel() for part in (index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]))
     triangles = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
     return Probe(np.column_stack([x.ravel(), height.ravel(), z.ravel()]), triangles, "spherical cap")
 
 
-def indent(per_radius: float) -> Indentation:
-    """Press the sphere with `per_radius` cells to the contact radius at the largest depth."""
+def indent(per_radius: float, *, order: int = 1) -> Indentation:
+    """Press the sphere with `per_radius` cells of that order to the contact radius at the largest depth."""
     a = float(exact_radius()[-1])
     fine = a / per_radius
     half = graded(fine, 1.35 * a, EXTENT * a)
@@ -74,10 +74,10 @@ def indent(per_radius: float) -> Indentation:
     mesh = grid_block(across, -half[::-1], across)
     low, high = mesh.points.min(axis=0), mesh.points.max(axis=0)
     outer = (mesh.points < low + 1e-9).any(axis=1) | (mesh.points[:, [0, 2]] > high[[0, 2]] - 1e-9).any(axis=1)
-    mesh = labelled(mesh.points, mesh.cells, fixed=outer)
+    mesh = labelled(mesh.points, mesh.cells, fixed=outer).with_order(order)
     scene = Scene(
         mesh, cap(1.3 * a, 0.5 * fine), (LinearElastic.from_young(YOUNG, POISSON),),
-        ContactConfig(gap=GAP, alarm=2.0 * GAP, friction=0.0, stiffness=20.0, smoothing=2e-4, spacing=fine),
+        ContactConfig(gap=GAP, alarm=2.0 * GAP, friction=0.0, stiffness=20.0, smoothing=2e-4, spacing=fine / order**2),
     )
     heights = np.concatenate([[GAP + 0.02], GAP - DEPTHS])
     path = ProbePath(
@@ -93,7 +93,7 @@ def indent(per_radius: float) -> Indentation:
         force.append(push.sum())
         # Under p = p₀ √(1 − r²/a²) the mean of r², weighted by the pressure, is 2/5 a².
         radius.append(np.sqrt(2.5 * (push * distance).sum() / push.sum()))
-    return Indentation(fine, mesh.n_points, np.array(force), np.array(radius))
+    return Indentation(fine, mesh.n_nodes, np.array(force), np.array(radius))
 
 
 def run(folder: Path) -> Section:

@@ -66,11 +66,11 @@ class FakeScene:
 def fake_simulation(mesh: TissueMesh, path: ProbePath, *, position_index: int, rotation_deg: float) -> Simulation:
     """Step of depth d > 0: top node `position_index` goes down by d and carries d N; its neighbour is listed only."""
     rng = np.random.default_rng([position_index, round(rotation_deg)])
-    top = np.flatnonzero(mesh.points[:, 1] == mesh.points[:, 1].max())
+    top = np.flatnonzero(mesh.node_points[:, 1] == mesh.points[:, 1].max())
     near = np.array([top[position_index % len(top)], top[(position_index + 1) % len(top)]])
     steps = len(path)
     pressed = np.maximum(path.depths, 0.0)
-    displacement = (rng.normal(size=(steps, mesh.n_points, 3)) * 1e-3 * pressed[:, None, None]).astype(np.float32)
+    displacement = (rng.normal(size=(steps, mesh.n_nodes, 3)) * 1e-3 * pressed[:, None, None]).astype(np.float32)
     displacement[:, near[0], 1] = -pressed
     touching = path.depths > -2.0
     offsets = np.concatenate([[0], np.cumsum(2 * touching)])

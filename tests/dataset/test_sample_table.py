@@ -69,3 +69,22 @@ def test_simulations_of_several_meshes_are_refused(store):
     several = [fake_simulation(block(n), path, position_index=0, rotation_deg=0.0) for n in (3, 4)]
     with pytest.raises(InputError, match="2 meshes"):
         table_of(several)
+
+
+def test_samples_of_quadratic_cells_are_those_of_the_vertices(tmp_path):
+    mesh = block(3).with_order(2)
+    store = filled_store(tmp_path, FakeScene(mesh))
+    assert store.mesh().order == 2
+    assert store.mesh_hash == mesh.hash() != block(3).hash()
+    whole, table = store.load(store.poses[0]), build_sample_table(store, contact="listed")
+    assert whole.displacement.shape[1] == mesh.n_nodes
+    assert table.displacement.shape[1] == mesh.n_points
+    assert (table.contact_nodes < mesh.n_points).all()
+    steps = whole.sample_steps()
+    np.testing.assert_array_equal(table.displacement[: len(steps)], whole.displacement[steps][:, : mesh.n_points])
+    # A store of linear cells on the same vertices is another one: their tables may not be mixed.
+    linear = FakeScene(block(3))
+    path = whole.path
+    several = [fake_simulation(one, path, position_index=0, rotation_deg=0.0) for one in (mesh, linear.mesh)]
+    with pytest.raises(InputError, match="one mesh"):
+        table_of(several)
