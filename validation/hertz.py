@@ -41,13 +41,16 @@ def exact_force() -> FloatArray:
     return 4.0 / 3.0 * YOUNG / (1.0 - POISSON**2) * np.sqrt(RADIUS + GAP) * DEPTHS**1.5
 
 
-def graded(fine: float, inner: float, outer: float) -> FloatArray:
-    """Coordinates from 0: steps of `fine` up to `inner`, then steps that grow ever faster up to `outer` [mm]."""
+def graded(fine: float, inner: float, outer: float, *, growth: float = 1.15, largest: float = 1.8) -> FloatArray:
+    """Coordinates from 0: steps of `fine` up to `inner`, then steps that grow ever faster up to `outer` [mm].
+
+    Each step beyond `inner` is `growth` times the one before, and growth itself grows up to `largest`.
+    """
     places = list(np.linspace(0.0, inner, round(inner / fine) + 1))
-    step, growth = fine, 1.15
+    step = fine
     while places[-1] < outer:
         step *= growth
-        growth = min(growth + 0.04, 1.8)
+        growth = min(growth + 0.04, largest)
         places.append(places[-1] + step)
     places[-1] = max(outer, places[-2] + fine)
     return np.array(places)
@@ -69,7 +72,9 @@ def indent(per_radius: float, *, order: int = 1) -> Indentation:
     """Press the sphere with `per_radius` cells of that order to the contact radius at the largest depth."""
     a = float(exact_radius()[-1])
     fine = a / per_radius
-    half = graded(fine, 1.35 * a, EXTENT * a)
+    # Quadratic cells follow the decay from larger steps.
+    growth, largest = (1.15, 1.8) if order == 1 else (1.6, 2.4)
+    half = graded(fine, 1.35 * a, EXTENT * a, growth=growth, largest=largest)
     across = np.concatenate([-half[:0:-1], half])
     mesh = grid_block(across, -half[::-1], across)
     low, high = mesh.points.min(axis=0), mesh.points.max(axis=0)

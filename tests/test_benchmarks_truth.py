@@ -1,0 +1,55 @@
+"""What benchmarks.truth and benchmarks.locking compute from solutions, and the loads of the linear study."""
+
+from math import gamma
+
+import numpy as np
+import pytest
+
+from benchmarks import locking, truth
+from fem.block_mesh import block
+
+
+def press(force: float, shift: float) -> truth.Press:
+    return truth.Press(
+        np.full(4, force), np.full((4, 1, 3), shift / np.sqrt(3.0)), np.full((4, 5, 3), shift / np.sqrt(3.0)),
+        np.ones((4, 2)), 1.0,
+    )
+
+
+def test_errors_are_taken_from_the_extrapolated_solution():
+    # Errors of 4 and 1 at mesh widths 1 and 1/2 are of order 2: extrapolation finds 10 N and 2 mm.
+    found = {
+        ("linear", 0): press(20.0, 3.0), ("quadratic", 0): press(14.0, 2.4), ("quadratic halved", 0): press(11.0, 2.1),
+        ("linear", 1): press(20.0, 3.0),  # no reference at this pose
+    }
+    result = truth.report(found)
+    assert result["poses"] == 1
+    rows, uncertainty = result["rows"], result["uncertainty"]
+    assert rows["quadratic"]["force"] == pytest.approx(0.4)
+    assert rows["linear"]["force"] == pytest.approx(1.0)
+    assert rows["quadratic"]["vertebra_mm"] == pytest.approx(0.4)
+    assert rows["quadratic"]["vertebra_rel"] == pytest.approx(0.2)
+    assert rows["quadratic"]["vertebra_bar"] == pytest.approx(0.4 / 0.05)
+    assert rows["quadratic"]["field_mm"] == pytest.approx(0.4)
+    assert uncertainty["force"] == pytest.approx(0.1)
+    assert uncertainty["field_mm"] == pytest.approx(0.1)
+
+
+def test_presses_survive_the_cache(tmp_path):
+    assert truth.kept(tmp_path / "pose.npz") is None
+    truth.keep(tmp_path / "pose.npz", press(3.0, 1.0))
+    again = truth.kept(tmp_path / "pose.npz")
+    np.testing.assert_array_equal(again.force, np.full(4, 3.0))
+    assert again.seconds == 1.0
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_loads_of_the_linear_study_are_the_integral_of_the_pressure(order):
+    mesh = block((10, 1, 8), size=(200.0, 20.0, 160.0))
+    points = mesh.points - np.array([100.0, 0.0, 80.0])
+    mesh = type(mesh)(points, mesh.cells, mesh.part, mesh.fixed, (), mesh.tissue).with_order(order)
+    push, force = locking.loads(mesh)
+    # ∫ exp(−(x/a)⁴) dx = 2 a Γ(5/4); the third pressure is centred at (0, 0), far from the rim.
+    assert force[2] == pytest.approx(4.0 * 24.0 * 10.0 * gamma(1.25) ** 2, rel=1e-4)
+    centre = (push[2][:, None] * mesh.node_points).sum(axis=0) / force[2]
+    np.testing.assert_allclose(centre, [0.0, 20.0, 0.0], atol=1e-3)
