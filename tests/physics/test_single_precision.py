@@ -3,9 +3,11 @@
 import numpy as np
 
 from mixpinn.geometry.tetrahedra import shape_gradients
+from mixpinn.physics import quadratic_tetrahedron
 from mixpinn.physics.energies import STABLE
 from mixpinn.physics.linear_tetrahedron import cell_forces
-from mixpinn.physics.single_precision import add_stable_forces
+from mixpinn.physics.quadrature import TETRAHEDRON_4
+from mixpinn.physics.single_precision import add_quadratic_stable_forces, add_stable_forces
 
 
 def test_both_kernels_state_one_law():
@@ -24,4 +26,24 @@ def test_both_kernels_state_one_law():
         cells.astype(np.int32), moved.astype(np.float32), gradients[:, 1:].reshape(-1, 9).astype(np.float32),
         volumes.astype(np.float32), mu.astype(np.float32), lam.astype(np.float32), found,
     )
+    np.testing.assert_allclose(found, expected, atol=1e-5 * np.abs(expected).max())
+
+
+def test_ten_node_cells_have_the_forces_of_the_solver():
+    rng = np.random.default_rng(5)
+    points = 10.0 * rng.normal(size=(60, 3))
+    cells = np.array([rng.permutation(60)[:10] for _ in range(50)])
+    gradients, volumes = shape_gradients(points, cells[:, :4])
+    moved = 0.3 * rng.normal(size=(60, 3))
+    mu, lam = rng.uniform(5e-3, 2e-2, 50), rng.uniform(5e-2, 2e-1, 50)
+    rule = TETRAHEDRON_4.points, TETRAHEDRON_4.weights
+    each = np.empty((50, 10, 3))
+    quadratic_tetrahedron.cell_forces(
+        0, 50, cells, moved, gradients, volumes, *rule, np.full(50, STABLE), mu, lam, each,
+    )
+    expected = np.zeros((60, 3))
+    np.add.at(expected, cells, each)
+    found = np.zeros((60, 3), np.float32)
+    single = (moved, gradients, volumes, mu, lam, *rule)
+    add_quadratic_stable_forces(cells.astype(np.int32), *(values.astype(np.float32) for values in single), found)
     np.testing.assert_allclose(found, expected, atol=1e-5 * np.abs(expected).max())

@@ -9,8 +9,8 @@ TISSUE = StableNeoHookean.from_young(25.4e-3, 0.45)
 
 
 def top_nodes(mesh: TissueMesh):
-    free = (mesh.part == 0) & ~mesh.fixed
-    return np.flatnonzero(free & (mesh.points[:, 1] == mesh.points[free, 1].max()))
+    free = (mesh.node_part == 0) & ~mesh.node_fixed
+    return np.flatnonzero(free & (mesh.node_points[:, 1] == mesh.node_points[free, 1].max()))
 
 
 def pressed_table(mesh: TissueMesh, n_samples: int, *, seed: int = 0) -> SampleTable:
@@ -20,7 +20,7 @@ def pressed_table(mesh: TissueMesh, n_samples: int, *, seed: int = 0) -> SampleT
     fields, nodes, offsets, depths = [], [], [0], []
     for _ in range(n_samples):
         centre, depth = rng.uniform(10.0, 30.0, 2), rng.uniform(0.5, 4.0)
-        chosen = top[np.linalg.norm(mesh.points[top][:, [0, 2]] - centre, axis=1) < 12.0]
+        chosen = top[np.linalg.norm(mesh.node_points[top][:, [0, 2]] - centre, axis=1) < 12.0]
         move = np.tile([rng.uniform(-0.3, 0.3) * depth, -depth, 0.1 * depth], (len(chosen), 1))
         found = solve_imposed(system, [(chosen, move)], config=SolverConfig(tolerance=1e-9), linear=SuperLUSolver())
         assert found.converged.all()

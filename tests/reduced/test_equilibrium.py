@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from fem.block_mesh import carved, two_bones
 from mixpinn.base.errors import InputError
 from mixpinn.fem import PAPER_TISSUE, ElasticSystem, LinearElastic
 from mixpinn.reduced.coordinates import ReducedCoordinates
@@ -10,9 +11,10 @@ from mixpinn.reduced.equilibrium import Equilibrium
 from training.toy_block import block_mesh
 
 
-@pytest.fixture(scope="module")
-def mesh():
-    return block_mesh()
+@pytest.fixture(scope="module", params=[1, 2])
+def mesh(request):
+    """Linear and quadratic cells around two cavities, whose walls carry midpoints, and around two plates."""
+    return carved(two_bones()).with_order(2) if request.param == 2 else block_mesh()
 
 
 @pytest.fixture
@@ -33,7 +35,7 @@ def test_residual_is_that_of_the_solver(mesh, rng):
     state = system.advance(system.rest_state(), unknowns)
     expected = system.reduce(system.gradient(state), state)
     field = coordinates.expand(unknowns)
-    np.testing.assert_allclose(field, state.points - mesh.points, atol=1e-6)
+    np.testing.assert_allclose(field, state.points - mesh.node_points, atol=1e-6)
     found = Equilibrium.of_materials(mesh, [PAPER_TISSUE]).residual(field, coordinates)
     np.testing.assert_allclose(found, expected, atol=2e-5 * np.abs(expected).max())
 
@@ -41,7 +43,7 @@ def test_residual_is_that_of_the_solver(mesh, rng):
 def test_rigid_motion_carries_no_force(mesh, rng):
     turn = np.linalg.qr(rng.standard_normal((3, 3)))[0]
     turn *= np.linalg.det(turn)
-    field = mesh.points @ (turn - np.eye(3)).T + [1.0, 2.0, 3.0]
+    field = mesh.node_points @ (turn - np.eye(3)).T + [1.0, 2.0, 3.0]
     forces = Equilibrium.of_materials(mesh, [PAPER_TISSUE]).nodal_forces(field)
     edge = np.linalg.norm(np.ptp(mesh.points, axis=0))
     assert np.abs(forces).max() < 1e-4 * PAPER_TISSUE.lam * edge**2

@@ -81,7 +81,7 @@ def table_of(simulations: Iterable[Simulation], *, contact: ContactRule = "loade
 def build_sample_table(
     store: SimulationStore, *, contact: ContactRule = "loaded", memory_map: Path | str | None = None,
 ) -> SampleTable:
-    """Samples of all finished simulations of a store, in the order of its poses, on the vertices of the mesh.
+    """Samples of all finished simulations of a store, in the order of its poses, on all nodes of the mesh.
 
     Args:
         store: the simulations.
@@ -106,13 +106,13 @@ def build_sample_table(
             str(store.folder), expected="at least one sample (a converged step with contact)", got="none",
             fix="simulate more poses, or deeper",
         )
-    n_nodes = store.mesh().n_points
+    n_nodes = store.mesh().n_nodes
     columns = _Columns()
 
     def fill(displacement: AnyArray) -> None:
         begin = 0
         for pose, count in track(done, "read simulations"):
-            simulation = store.load(pose).on_vertices(n_nodes)
+            simulation = store.load(pose)
             steps = simulation.sample_steps()
             if len(steps) != count:
                 raise InputError(

@@ -35,6 +35,8 @@ class Candidate(Protocol):
         Args:
             nodes: contact nodes, each once, shape (c,).
             displacements: of each [mm], float32, shape (c, 3).
+
+        Nodes of ten-node cells are vertices, which come first, and midpoints, which the answer may leave out.
         """
 
 
@@ -67,7 +69,7 @@ def evaluate(
     model: Candidate, table: SampleTable, mesh: TissueMesh, *, split: str,
     notes: Mapping[str, Any] | None = None, warm_up: int = 2,
 ) -> Evaluation:
-    """Predict every sample of `table` and measure the errors.
+    """Predict every sample of `table` and measure the errors at the vertices of the mesh.
 
     Latency is the wall time of `predict` for one sample, from contact nodes to output array, after `warm_up`
     predictions that are not counted. Models with virtual nodes or edges (`VirtualCandidate`) are asked a second time,
@@ -104,10 +106,11 @@ def evaluate(
     parts: dict[str, list[float]] = {}
     seconds = np.empty(len(table))
     for index in track(range(len(table)), f"{model.name} on {split}"):
-        contact, reference = table.contact(index), table.displacement[index]
+        contact, reference = table.contact(index), table.displacement[index, : mesh.n_points]
         start = time.perf_counter()
-        predicted = model.predict(*contact)
+        answer = model.predict(*contact)
         seconds[index] = time.perf_counter() - start
+        predicted = answer[: mesh.n_points]
         values = sample_metrics(predicted, reference, geometry)
         values["largest_error"] = float(np.sqrt(np.square(predicted - reference).sum(axis=1).max()))
         if virtual is not None and isinstance(model, VirtualCandidate):

@@ -49,9 +49,9 @@ class Case:
         mesh: TissueMesh, table: SampleTable, index: int, predicted: AnyArray, *, model: str,
         probe: Probe | None = None,
     ) -> "Case":
-        """Sample `index` of `table` with the displacement `predicted` by `model` [mm], shape (n, 3)."""
+        """Sample `index` of `table` with the displacement that `model` predicts [mm], shape (n, 3), at the vertices."""
         return Case(
-            mesh, table.displacement[index], predicted, model, table.probe_translation[index],
+            mesh, table.displacement[index, : mesh.n_points], predicted[: mesh.n_points], model, table.probe_translation[index],
             float(table.depth[index]), probe, table.probe_rotation[index],
         )
 

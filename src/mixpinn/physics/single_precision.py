@@ -6,9 +6,34 @@ the nodes one after another, without threads and without work arrays: any number
 result is always the same.
 """
 
+from typing import Any
+
+import numpy as np
 from numba import njit
 
 from mixpinn.base.arrays import Float32Array, Int32Array
+from mixpinn.physics.energies import LOCAL_PAIRS
+
+
+@njit(fastmath=True, cache=True, nogil=True, error_model="numpy", inline="always")
+def stable_stress(
+    h00: Any, h01: Any, h02: Any, h10: Any, h11: Any, h12: Any, h20: Any, h21: Any, h22: Any, mu: Any, lam: Any,
+) -> Any:
+    """P of a displacement gradient H, nine numbers row by row, in the precision of its arguments."""
+    # cof H, tr H, J − 1 = tr H + tr cof H + det H, and cof F = 1 + (tr H 1 − Hᵀ) + cof H
+    k00, k01, k02 = h11 * h22 - h12 * h21, h12 * h20 - h10 * h22, h10 * h21 - h11 * h20
+    k10, k11, k12 = h21 * h02 - h22 * h01, h22 * h00 - h20 * h02, h20 * h01 - h21 * h00
+    k20, k21, k22 = h01 * h12 - h02 * h11, h02 * h10 - h00 * h12, h00 * h11 - h01 * h10
+    trace = h00 + h11 + h22
+    growth = trace + k00 + k11 + k22 + h00 * k00 + h01 * k01 + h02 * k02
+    pressure = (lam + mu) * growth
+    push = pressure - mu
+    # P = μ (1 + H) + push (1 + C) with C = cof F − 1; the two unit matrices leave `pressure`.
+    return (
+        mu * h00 + push * (trace - h00 + k00) + pressure, mu * h01 + push * (k01 - h10), mu * h02 + push * (k02 - h20),
+        mu * h10 + push * (k10 - h01), mu * h11 + push * (trace - h11 + k11) + pressure, mu * h12 + push * (k12 - h21),
+        mu * h20 + push * (k20 - h02), mu * h21 + push * (k21 - h12), mu * h22 + push * (trace - h22 + k22) + pressure,
+    )
 
 
 @njit(fastmath=True, cache=True, nogil=True, error_model="numpy")
@@ -38,25 +63,9 @@ def add_stable_forces(
         h00, h01, h02 = a0 * p0 + b0 * q0 + c0 * r0, a0 * p1 + b0 * q1 + c0 * r1, a0 * p2 + b0 * q2 + c0 * r2
         h10, h11, h12 = a1 * p0 + b1 * q0 + c1 * r0, a1 * p1 + b1 * q1 + c1 * r1, a1 * p2 + b1 * q2 + c1 * r2
         h20, h21, h22 = a2 * p0 + b2 * q0 + c2 * r0, a2 * p1 + b2 * q1 + c2 * r1, a2 * p2 + b2 * q2 + c2 * r2
-        # cof H, tr H, J − 1 = tr H + tr cof H + det H, and cof F = 1 + (tr H 1 − Hᵀ) + cof H
-        k00, k01, k02 = h11 * h22 - h12 * h21, h12 * h20 - h10 * h22, h10 * h21 - h11 * h20
-        k10, k11, k12 = h21 * h02 - h22 * h01, h22 * h00 - h20 * h02, h20 * h01 - h21 * h00
-        k20, k21, k22 = h01 * h12 - h02 * h11, h02 * h10 - h00 * h12, h00 * h11 - h01 * h10
-        trace = h00 + h11 + h22
-        growth = trace + k00 + k11 + k22 + h00 * k00 + h01 * k01 + h02 * k02
-        stiff = mu[e]
-        pressure = (lam[e] + stiff) * growth
-        push = pressure - stiff
-        # P = μ (1 + H) + push (1 + C) with C = cof F − 1; the two unit matrices leave `pressure`.
-        s00 = stiff * h00 + push * (trace - h00 + k00) + pressure
-        s01 = stiff * h01 + push * (k01 - h10)
-        s02 = stiff * h02 + push * (k02 - h20)
-        s10 = stiff * h10 + push * (k10 - h01)
-        s11 = stiff * h11 + push * (trace - h11 + k11) + pressure
-        s12 = stiff * h12 + push * (k12 - h21)
-        s20 = stiff * h20 + push * (k20 - h02)
-        s21 = stiff * h21 + push * (k21 - h12)
-        s22 = stiff * h22 + push * (trace - h22 + k22) + pressure
+        s00, s01, s02, s10, s11, s12, s20, s21, s22 = stable_stress(
+            h00, h01, h02, h10, h11, h12, h20, h21, h22, mu[e], lam[e],
+        )
         v = volume[e]
         f3, f4, f5 = s00 * p0 + s01 * p1 + s02 * p2, s10 * p0 + s11 * p1 + s12 * p2, s20 * p0 + s21 * p1 + s22 * p2
         f6, f7, f8 = s00 * q0 + s01 * q1 + s02 * q2, s10 * q0 + s11 * q1 + s12 * q2, s20 * q0 + s21 * q1 + s22 * q2
@@ -73,3 +82,54 @@ def add_stable_forces(
         out[n3, 0] += v * f9
         out[n3, 1] += v * g0
         out[n3, 2] += v * g1
+
+
+@njit(fastmath=True, cache=True, nogil=True, error_model="numpy")
+def add_quadratic_stable_forces(
+    cells: Int32Array, moved: Float32Array, gradients: Float32Array, volume: Float32Array, mu: Float32Array,
+    lam: Float32Array, places: Float32Array, shares: Float32Array, out: Float32Array,
+) -> None:
+    """Add ∫ P ∂N_n/∂X [N] of all ten nodes of each cell to the nodal forces `out`.
+
+    At a point with barycentric coordinates λ the cell is a linear tetrahedron whose vertices move by
+    d_a = (4 λ_a − 1) u_a + Σ_b 4 λ_b u_ab; see `mixpinn.physics.quadratic_tetrahedron`.
+
+    Args:
+        cells: vertices and the midpoints of the pairs `LOCAL_PAIRS`, shape (m, 10).
+        moved, volume, mu, lam, out: as in `add_stable_forces`.
+        gradients: of the four barycentric coordinates at rest [1/mm], shape (m, 4, 3).
+        places, shares: points and weights of a quadrature, shapes (p, 4) and (p,).
+    """
+    move, force = np.empty((4, 3), np.float32), np.empty((4, 3), np.float32)
+    h, one, four = np.empty((3, 3), np.float32), np.float32(1.0), np.float32(4.0)
+    for e in range(len(cells)):
+        for q in range(len(places)):
+            for a in range(4):
+                for i in range(3):
+                    move[a, i] = (four * places[q, a] - one) * moved[cells[e, a], i]
+            for pair in range(6):
+                a, b, node = LOCAL_PAIRS[pair, 0], LOCAL_PAIRS[pair, 1], cells[e, 4 + pair]
+                for i in range(3):
+                    move[a, i] += four * places[q, b] * moved[node, i]
+                    move[b, i] += four * places[q, a] * moved[node, i]
+            for i in range(3):
+                for j in range(3):
+                    h[i, j] = (
+                        move[0, i] * gradients[e, 0, j] + move[1, i] * gradients[e, 1, j]
+                        + move[2, i] * gradients[e, 2, j] + move[3, i] * gradients[e, 3, j]
+                    )
+            s00, s01, s02, s10, s11, s12, s20, s21, s22 = stable_stress(
+                h[0, 0], h[0, 1], h[0, 2], h[1, 0], h[1, 1], h[1, 2], h[2, 0], h[2, 1], h[2, 2], mu[e], lam[e],
+            )
+            v = volume[e] * shares[q]
+            for a in range(4):
+                g0, g1, g2 = gradients[e, a, 0], gradients[e, a, 1], gradients[e, a, 2]
+                force[a, 0] = v * (s00 * g0 + s01 * g1 + s02 * g2)
+                force[a, 1] = v * (s10 * g0 + s11 * g1 + s12 * g2)
+                force[a, 2] = v * (s20 * g0 + s21 * g1 + s22 * g2)
+                for i in range(3):
+                    out[cells[e, a], i] += (four * places[q, a] - one) * force[a, i]
+            for pair in range(6):
+                a, b, node = LOCAL_PAIRS[pair, 0], LOCAL_PAIRS[pair, 1], cells[e, 4 + pair]
+                for i in range(3):
+                    out[node, i] += four * (places[q, b] * force[a, i] + places[q, a] * force[b, i])

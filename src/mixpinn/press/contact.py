@@ -75,7 +75,7 @@ class PriorContact:
     def of_prior(prior: ElasticPrior, config: PoseContactConfig | None = None) -> "PriorContact":
         """Contact on the nodes of `prior`."""
         return PriorContact(
-            prior.mesh.points, candidate_triangles(prior.mesh, prior.nodes), prior.nodes,
+            prior.mesh.node_points, candidate_triangles(prior.mesh, prior.nodes), prior.nodes,
             prior.own_compliance, config,
         )
 
@@ -230,5 +230,5 @@ class PriorContact:
 
 def candidate_triangles(mesh: TissueMesh, nodes: IntArray) -> IntArray:
     """Skin triangles of `mesh` whose corners are all among `nodes`, by mesh node, shape (t, 3)."""
-    faces = np.asarray(mesh.skin_faces, dtype=np.int64)
+    faces = np.asarray(mesh.skin_triangles, dtype=np.int64)
     return faces[np.isin(faces, nodes).all(axis=1)]

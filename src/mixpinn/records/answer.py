@@ -112,7 +112,7 @@ class Answer:
 
     Attributes:
         mesh: the mesh.
-        displacement: of every mesh node [mm], shape (n, 3).
+        displacement: of every mesh node, or of every vertex [mm], shape (n, 3).
         source: where it comes from.
         model: name of the model or solver.
         force: of the tissue on the probe [N], shape (3,), or (k, 3) of k probes; None where it is not known.
@@ -121,7 +121,7 @@ class Answer:
         contact: the nodes that are held or loaded; None where they are not known.
         trust: what to think of it; None where nothing is known.
         discretisation: elements and mesh that it refers to.
-        reference: the displacement that was to be found, if known [mm], shape (n, 3).
+        reference: the displacement that was to be found, if known [mm], of these nodes or of more, shape (≥ n, 3).
         history: to hand to the next call of the same solver or model; None where an answer does not depend on one.
     """
 
@@ -195,8 +195,9 @@ class Answer:
         grid = self.mesh.tetra_grid(self.displacement)
         if self.reference is None:
             return grid
-        error = np.linalg.norm(self.displacement - self.reference, axis=1)
-        return replace(grid, point_data={**grid.point_data, "reference": self.reference, "error": error})
+        reference = self.reference[: len(self.displacement)]
+        error = np.linalg.norm(self.displacement - reference, axis=1)
+        return replace(grid, point_data={**grid.point_data, "reference": reference, "error": error})
 
 
 def checked_output(path: Path | str) -> Path:

@@ -1,6 +1,6 @@
 """Sample: one loaded step; SampleTable: all samples of a data set on one mesh."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -54,7 +54,7 @@ class Sample:
 
 @dataclass(frozen=True, eq=False)
 class SampleTable:
-    """N samples on one mesh of n nodes.
+    """N samples on one mesh of n nodes: its vertices, followed by the midpoints of its edges where its order is 2.
 
     Attributes:
         mesh_hash: `TissueMesh.hash` of their mesh.
@@ -110,6 +110,21 @@ class SampleTable:
             np.concatenate([[0], np.cumsum(counts)]), self.contact_nodes[entries], self.contact_forces[entries],
             self.probe_wrench[index], self.displacement[index],
             None if self.contact_error is None else self.contact_error[entries],
+        )
+
+    def on_vertices(self, n_points: int) -> "SampleTable":
+        """The samples as seen at the first `n_points` nodes, the vertices: contact nodes are the vertices among them.
+
+        What networks on the graph of the mesh learn from; all of the table where the cells are linear.
+        """
+        if self.displacement.shape[1] == n_points:
+            return self
+        kept = self.contact_nodes < n_points
+        before = np.concatenate([[0], np.cumsum(kept)]).astype(np.int64)
+        return replace(
+            self, contact_offsets=before[self.contact_offsets], contact_nodes=self.contact_nodes[kept],
+            contact_forces=self.contact_forces[kept], displacement=self.displacement[:, :n_points],
+            contact_error=None if self.contact_error is None else self.contact_error[kept],
         )
 
     def at_positions(self, positions: AnyArray) -> "SampleTable":

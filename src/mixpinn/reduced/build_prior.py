@@ -29,7 +29,7 @@ def build_prior(
         InputError: a node is fixed or rigid, or there is none.
     """
     nodes = probed_nodes(mesh) if nodes is None else np.unique(nodes)
-    if not len(nodes) or (mesh.part[nodes] > 0).any() or mesh.fixed[nodes].any():
+    if not len(nodes) or (mesh.node_part[nodes] > 0).any() or mesh.node_fixed[nodes].any():
         raise InputError(
             "contact nodes", expected="free soft nodes of the mesh", got="none, or fixed or rigid ones",
             fix="choose nodes of the probed skin",

@@ -17,17 +17,26 @@ from mixpinn.records import TissueMesh
 class ReducedCoordinates:
     """Unknowns of a mesh with n nodes, s free soft nodes and K rigid parts; D = 3 s + 6 K.
 
+    Nodes are those of the mesh: vertices, followed by the midpoints of the edges where its order is 2. A part's centroid
+    is the mean of its vertices.
+
     Attributes:
         free: the free soft nodes, ascending, shape (s,).
-        parts: nodes of each rigid part.
+        parts: nodes of each rigid part, ascending: its vertices come first.
         arms: rest position of each of their nodes less the part's centroid [mm], shapes (p, 3).
+        vertices: how many of them are vertices.
+        n_nodes: number of nodes n.
     """
 
     def __init__(self, mesh: TissueMesh) -> None:
-        self.free: IntArray = np.flatnonzero((mesh.part == 0) & ~mesh.fixed)
-        self.parts: list[IntArray] = [mesh.part_nodes(k + 1) for k in range(mesh.n_parts)]
-        self.arms: list[FloatArray] = [mesh.points[nodes] - mesh.points[nodes].mean(axis=0) for nodes in self.parts]
-        self.n_points = mesh.n_points
+        self.free: IntArray = np.flatnonzero((mesh.node_part == 0) & ~mesh.node_fixed)
+        self.parts: list[IntArray] = [np.flatnonzero(mesh.node_part == k + 1) for k in range(mesh.n_parts)]
+        self.vertices: list[int] = [int((nodes < mesh.n_points).sum()) for nodes in self.parts]
+        self.arms: list[FloatArray] = [
+            mesh.node_points[nodes] - mesh.points[nodes[:count]].mean(axis=0)
+            for nodes, count in zip(self.parts, self.vertices, strict=True)
+        ]
+        self.n_nodes = mesh.n_nodes
 
     @property
     def size(self) -> int:
@@ -60,7 +69,7 @@ class ReducedCoordinates:
         Args:
             unknowns: [mm, rad], shape (D,).
         """
-        field = np.zeros((self.n_points, 3), dtype=np.float32)
+        field = np.zeros((self.n_nodes, 3), dtype=np.float32)
         field[self.free] = unknowns[: self.n_soft].reshape(-1, 3)
         self.place_parts(unknowns, field)
         return field
@@ -75,12 +84,13 @@ class ReducedCoordinates:
     def project(self, field: AnyArray) -> FloatArray:
         """Unknowns [mm, rad], shape (D,), of a field [mm], shape (n, 3), that moves the parts rigidly.
 
-        Rotations by least squares (`fit_rotation`).
+        Rotations by least squares over a part's vertices (`fit_rotation`).
         """
         unknowns = np.empty(self.size)
         unknowns[: self.n_soft] = np.asarray(field)[self.free].ravel()
-        for k, (nodes, arm) in enumerate(zip(self.parts, self.arms, strict=True)):
-            moved = arm + np.asarray(field, dtype=np.float64)[nodes]
+        for k, (nodes, arms, count) in enumerate(zip(self.parts, self.arms, self.vertices, strict=True)):
+            arm = arms[:count]
+            moved = arm + np.asarray(field, dtype=np.float64)[nodes[:count]]
             shift = moved.mean(axis=0)
             turn = vector_from_rotation(fit_rotation(arm, moved))
             unknowns[self.n_soft + 6 * k:][:6] = [*shift, *turn]

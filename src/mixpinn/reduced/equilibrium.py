@@ -13,7 +13,8 @@ import numpy as np
 from mixpinn.base.arrays import AnyArray, Float32Array
 from mixpinn.base.errors import InputError
 from mixpinn.geometry.tetrahedra import shape_gradients
-from mixpinn.physics.single_precision import add_stable_forces
+from mixpinn.physics.quadrature import TETRAHEDRON_4, Quadrature
+from mixpinn.physics.single_precision import add_quadratic_stable_forces, add_stable_forces
 from mixpinn.records import TissueMesh
 from mixpinn.reduced.coordinates import ReducedCoordinates
 
@@ -28,20 +29,30 @@ class Equilibrium:
     Args:
         mesh: the mesh.
         mu, lam: Lamé constants of each tissue of the mesh [N/mm²], shape (T,).
+        quadrature: of ten-node cells, the solver's by default.
 
     Example:
-        >>> field = np.zeros((mesh.n_points, 3), dtype=np.float32)
+        >>> field = np.zeros((mesh.n_nodes, 3), dtype=np.float32)
         >>> residual = Equilibrium(mesh, mu=[8.8e-3], lam=[84.7e-3]).residual(field, ReducedCoordinates(mesh))
         >>> bool(np.abs(residual).max() < 1e-4)  # at rest no force is left [N]
         True
     """
 
-    def __init__(self, mesh: TissueMesh, *, mu: AnyArray, lam: AnyArray) -> None:
+    def __init__(
+        self, mesh: TissueMesh, *, mu: AnyArray, lam: AnyArray, quadrature: Quadrature = TETRAHEDRON_4,
+    ) -> None:
         self.mu, self.lam = np.asarray(mu, dtype=np.float64), np.asarray(lam, dtype=np.float64)
         deforms = mesh.deforming_cells  # no other cell carries stress
-        self._cells = np.ascontiguousarray(mesh.cells[deforms], dtype=np.int32)
-        gradients, volumes = shape_gradients(mesh.points, self._cells)
-        self._gradients = np.ascontiguousarray(gradients[:, 1:].reshape(-1, 9), dtype=np.float32)
+        # Sorted, ten nodes are four vertices and the midpoints of their pairs in ascending order.
+        cells = mesh.cells if mesh.order == 1 else np.sort(mesh.cell_nodes, axis=1)
+        self._cells = np.ascontiguousarray(cells[deforms], dtype=np.int32)
+        gradients, volumes = shape_gradients(mesh.points, self._cells[:, :4])
+        if mesh.order == 1:
+            gradients = gradients[:, 1:].reshape(-1, 9)
+        self._gradients = np.ascontiguousarray(gradients, dtype=np.float32)
+        self._rule = () if mesh.order == 1 else (
+            quadrature.points.astype(np.float32), quadrature.weights.astype(np.float32),
+        )
         self._volume = volumes.astype(np.float32)
         tissue = mesh.tissue[deforms].astype(np.int64)
         self._mu, self._lam = self.mu[tissue].astype(np.float32), self.lam[tissue].astype(np.float32)
@@ -68,7 +79,8 @@ class Equilibrium:
         """∂E/∂x of every node [N], float32, shape (n, 3), for a displacement field [mm], shape (n, 3)."""
         moved = np.ascontiguousarray(field, dtype=np.float32)
         nodal = np.zeros_like(moved)
-        add_stable_forces(self._cells, moved, self._gradients, self._volume, self._mu, self._lam, nodal)
+        add = add_quadratic_stable_forces if self._rule else add_stable_forces
+        add(self._cells, moved, self._gradients, self._volume, self._mu, self._lam, *self._rule, nodal)
         return nodal
 
     def residual(self, field: AnyArray, coordinates: ReducedCoordinates) -> Float32Array:
@@ -81,10 +93,11 @@ class Equilibrium:
         nodal = self.nodal_forces(field)
         out = np.empty(coordinates.size, dtype=np.float32)
         out[: coordinates.n_soft] = nodal[coordinates.free].ravel()
-        for k, (nodes, arm) in enumerate(zip(coordinates.parts, coordinates.arms, strict=True)):
+        parts = zip(coordinates.parts, coordinates.arms, coordinates.vertices, strict=True)
+        for k, (nodes, arm, count) in enumerate(parts):
             force = nodal[nodes].astype(np.float64)
             moved = arm + field[nodes]
             wrench = out[coordinates.n_soft + 6 * k:][:6]
             wrench[:3] = force.sum(axis=0)
-            wrench[3:] = np.cross(moved - moved.mean(axis=0), force).sum(axis=0)
+            wrench[3:] = np.cross(moved - moved[:count].mean(axis=0), force).sum(axis=0)
         return out

@@ -77,5 +77,5 @@ class NewtonSteps:
                 if self._now.indefinite:  # far from equilibrium: a direction of descent is worth more
                     self._now.factorize(self._system.tangent(state, held=held, project=True))
                 state = self._system.advance(state, -self._now.solve(residual))
-        field = (state.points - self.prior.mesh.points).astype(np.float32)
+        field = (state.points - self.prior.mesh.node_points).astype(np.float32)
         return field, np.array(history)

@@ -81,14 +81,13 @@ def probed_nodes(mesh: TissueMesh, *, margin: float = 60.0) -> IntArray:
         mesh: the mesh.
         margin: how far beyond the rigid parts' extent along x and z nodes still count [mm].
     """
-    faces = mesh.skin_faces
-    a, b, c = (mesh.points[faces[:, corner]] for corner in range(3))
-    backwards = faces[np.cross(b - a, c - a)[:, 1] > 0.0]
+    a, b, c = (mesh.points[mesh.skin_faces[:, corner]] for corner in range(3))
+    backwards = mesh.skin_node_faces[np.cross(b - a, c - a)[:, 1] > 0.0]
     nodes = np.unique(backwards)
-    nodes = nodes[~mesh.fixed[nodes]]
+    nodes = nodes[~mesh.node_fixed[nodes]]
     rigid = mesh.points[mesh.part > 0] if mesh.n_parts else mesh.points
     low, high = rigid.min(axis=0) - margin, rigid.max(axis=0) + margin
-    points = mesh.points[nodes]
+    points = mesh.node_points[nodes]
     over = ((points >= low) & (points <= high))[:, [0, 2]].all(axis=1)
     chosen: IntArray = nodes[over & (points[:, 1] > rigid[:, 1].mean())]
     return chosen
@@ -264,7 +263,7 @@ class ElasticPrior:
             )
         nodes, free = np.array(about.nodes, dtype=np.int64), ReducedCoordinates(mesh).free
         extents = {"c": len(nodes), "rows": 3 * len(nodes), "unknowns": ReducedCoordinates(mesh).size}
-        checked = ArraySpec("index", ("c",), low=0, high=mesh.n_points - 1)
+        checked = ArraySpec("index", ("c",), low=0, high=mesh.n_nodes - 1)
         checked.check(nodes, f"{folder / _ABOUT}: nodes", extents=extents, remake=PRIOR.remake)
         if not np.isin(nodes, free).all():
             raise InputError(

@@ -76,7 +76,7 @@ class HybridPredictor:
         if warm_up:
             predictor.predict(model.prior.nodes[:2], np.tile([0.0, -0.1, 0.0], (2, 1)))
             if pose is not None:
-                predictor.press(model.mesh.points[model.prior.nodes].max(axis=0))
+                predictor.press(model.mesh.node_points[model.prior.nodes].max(axis=0))
         predictor.loading_seconds = time.perf_counter() - began
         return predictor
 
@@ -199,7 +199,7 @@ class HybridPredictor:
         return answer, residuals
 
     def _checked(self, nodes: AnyArray, displacements: AnyArray) -> tuple[IntArray, Float32Array]:
-        return checked_contact(nodes, displacements, n_nodes=self.mesh.n_points)
+        return checked_contact(nodes, displacements, n_nodes=self.mesh.n_nodes)
 
     def _state(self, nodes: AnyArray, displacements: AnyArray) -> HybridState:
         held, moved = self._checked(nodes, displacements)

@@ -90,8 +90,9 @@ class Predictor:
 
     def predict_with_virtual(self, nodes: AnyArray, displacements: AnyArray) -> Float32Array:
         """Displacement of mesh and virtual nodes [mm], float32, shape (N, 3); operands and errors as in `predict`."""
-        n_nodes = self.graph.n_mesh_nodes
+        n_nodes = self.mesh.n_nodes
         field = spread(*checked_contact(nodes, displacements, n_nodes=n_nodes), n_nodes=n_nodes)
+        field = field[: self.graph.n_mesh_nodes]  # a network reads the vertices
         if self.threads is not None and torch.get_num_threads() != self.threads:
             torch.set_num_threads(self.threads)
         with torch.inference_mode():
@@ -108,7 +109,7 @@ class Predictor:
         Raises:
             InputError: unknown or repeated nodes, another shape, or values that are not finite.
         """
-        held, moved = checked_contact(nodes, displacements, n_nodes=self.graph.n_mesh_nodes)
+        held, moved = checked_contact(nodes, displacements, n_nodes=self.mesh.n_nodes)
         field = self.predict(held, moved)
         return Answer(
             self.mesh, field, Source.NETWORK, model=self.name, motions=motions_of_field(self.mesh, field),

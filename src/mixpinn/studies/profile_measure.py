@@ -121,7 +121,7 @@ def _serve(
     seconds, depth = [], []
     for turn in range(repeats):
         index = turn % len(samples)
-        field = samples.contact_field(index)
+        field = samples.contact_field(index)[: mesh[1].n_points]
         began = time.perf_counter()
         predict(field)
         seconds.append(time.perf_counter() - began)
@@ -154,7 +154,7 @@ def _loaded(config: ModelConfig, samples: SampleTable, mesh: TissueMesh, device:
     forget_peak()
     predict = load(mesh)
     for index in range(2):
-        predict(samples.contact_field(index % len(samples)))
+        predict(samples.contact_field(index % len(samples))[: mesh.n_points])
 
     def peak() -> float | None:
         highest = resident_mb("VmHWM")

@@ -58,7 +58,7 @@ def batches(
     over the whole batch: the number of processes does not change what is learnt.
 
     Args:
-        table: the samples.
+        table: the samples; of ten-node cells their vertices count.
         graph: topology that the network reads, of the same mesh.
         batch_size: samples of a batch over all processes.
         generator: shuffles the samples; None keeps their order. Every process needs one with the same state.
@@ -68,6 +68,7 @@ def batches(
     Raises:
         InputError: the table is of another mesh.
     """
+    table = table.on_vertices(graph.n_mesh_nodes)
     order = epoch_order(len(table), generator)
     for start in range(0, len(order), batch_size):
         whole = order[start: start + batch_size]

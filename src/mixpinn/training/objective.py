@@ -16,7 +16,8 @@ def new_model(config: ModelConfig, graph: MeshGraph, table_train: SampleTable, *
     """A freshly initialised network whose scaling, where it has any, fits the training samples."""
     model = build_model(config, graph, seed=seed)
     some = np.unique(np.linspace(0, len(table_train) - 1, SCALING_SAMPLES).astype(np.int64))
-    model.fit_scaling(torch.from_numpy(np.array(table_train.displacement[some], dtype=np.float32)))
+    fields = np.array(table_train.displacement[some, : graph.n_mesh_nodes], dtype=np.float32)
+    model.fit_scaling(torch.from_numpy(fields))
     return model
 
 
