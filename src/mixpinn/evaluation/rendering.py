@@ -51,8 +51,8 @@ class Case:
     ) -> "Case":
         """Sample `index` of `table` with the displacement that `model` predicts [mm], shape (n, 3), at the vertices."""
         return Case(
-            mesh, table.displacement[index, : mesh.n_points], predicted[: mesh.n_points], model, table.probe_translation[index],
-            float(table.depth[index]), probe, table.probe_rotation[index],
+            mesh, table.displacement[index, : mesh.n_points], predicted[: mesh.n_points], model,
+            table.probe_translation[index], float(table.depth[index]), probe, table.probe_rotation[index],
         )
 
     @property

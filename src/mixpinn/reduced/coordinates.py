@@ -17,8 +17,8 @@ from mixpinn.records import TissueMesh
 class ReducedCoordinates:
     """Unknowns of a mesh with n nodes, s free soft nodes and K rigid parts; D = 3 s + 6 K.
 
-    Nodes are those of the mesh: vertices, followed by the midpoints of the edges where its order is 2. A part's centroid
-    is the mean of its vertices.
+    Nodes are those of the mesh: vertices, followed by the midpoints of the edges where its order is 2. A part's
+    centroid is the mean of its vertices.
 
     Attributes:
         free: the free soft nodes, ascending, shape (s,).
