@@ -26,14 +26,21 @@ def refine_to(mesh: TissueMesh, length: Callable[[FloatArray], FloatArray]) -> T
         mesh: with n nodes, which keep their numbers.
         length: largest edge length wanted [mm] (q,) at points [mm] (q, 3).
     """
+    known, lengths = np.zeros(0, dtype=np.int64), np.zeros(0)  # by the ends of the edge: a field may be dear
     while True:
         edges = mesh.edges
+        keys = (edges[:, 0] << 32) + edges[:, 1]
+        _, now, before = np.intersect1d(keys, known, assume_unique=True, return_indices=True)
+        allowed, new = np.empty(len(edges)), np.ones(len(edges), dtype=bool)
+        allowed[now], new[now] = lengths[before], False
+        allowed[new] = length(mesh.points[edges[new]].mean(axis=1))
+        known, lengths = keys, allowed
         of_cell = edge_index(mesh, mesh.cells[:, _EDGES])
         squared = ((mesh.points[edges[:, 0]] - mesh.points[edges[:, 1]]) ** 2).sum(axis=1)
         rank = np.empty(len(edges), dtype=np.int64)
         rank[np.argsort(_levels(squared), kind="stable")] = np.arange(len(edges))
         longest = of_cell[np.arange(len(of_cell)), rank[of_cell].argmax(axis=1)]
-        wanted = squared > length(mesh.points[edges].mean(axis=1)) ** 2
+        wanted = squared > allowed**2
         if not wanted.any():
             return mesh
         wanted = _with_longer(wanted, of_cell, longest)
