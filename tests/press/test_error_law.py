@@ -6,23 +6,24 @@ from numpy.testing import assert_allclose
 from mixpinn.press.error_law import PoseErrorLaw
 
 
-def answers(n, seed, spread=0.4):
-    """Signs (n, 2) and errors (n, 3) that follow a log-linear law up to a scatter."""
+def answers(n, seed, spread=0.3):
+    """Signs (n, 2) and errors (n, 3) of a log-linear law up to a scatter, part of it shared by 20 in a row."""
     rng = np.random.default_rng(seed)
     signs = np.exp(rng.normal(size=(n, 2)))
     law = np.log(signs) @ [[0.5, 1.0, 0.0], [0.5, 0.0, 1.0]] + np.log([0.05, 0.5, 0.1])
-    return signs, np.exp(law + spread * rng.normal(size=(n, 3)))
+    shared = np.repeat(rng.normal(size=(n // 20, 3)), 20, axis=0)
+    return signs, np.exp(law + spread * (rng.normal(size=(n, 3)) + shared))
 
 
 def test_an_exact_law_is_found() -> None:
     signs, errors = answers(200, 0, spread=0.0)
     law = PoseErrorLaw.fit(signs, errors, np.arange(200) // 10, ridge=1e-9)
     assert_allclose([law.expected(sign) for sign in signs], errors, rtol=1e-6)
-    assert_allclose(law.factor, 1.0, rtol=1e-6)
+    assert_allclose(law.factor, 1.0 + 0.8 / np.sqrt(20.0), rtol=1e-6)
 
 
 def test_bounds_cover_new_answers_and_are_not_wide() -> None:
-    law = PoseErrorLaw.fit(*answers(400, 1), np.arange(400) // 20)
+    law = PoseErrorLaw.fit(*answers(2000, 1), np.arange(2000) // 20)
     signs, errors = answers(4000, 2)
     bounds = law.factor * np.array([law.expected(sign) for sign in signs])
     coverage = (errors <= bounds).mean(axis=0)

@@ -18,6 +18,8 @@ TARGETS = ("field", "force", "motion")
 """What errors are told of: field [mm], force [N], motion of the rigid parts [mm]."""
 _FLOOR = 1e-6
 _HIGHEST_RANK = 0.975
+_FEW = 0.8
+"""Answers at one position err alike: from few positions a quantile is uncertain by about this over their root."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +64,8 @@ class PoseErrorLaw:
         ratio = np.exp(target - rows @ coefficients.T)
         count = len(np.unique(groups))
         rank = min(_HIGHEST_RANK, level * (count + 1) / count)
-        return PoseErrorLaw(coefficients, np.quantile(ratio, rank, axis=0), level)
+        wider = 1.0 + _FEW / np.sqrt(count)
+        return PoseErrorLaw(coefficients, wider * np.quantile(ratio, rank, axis=0), level)
 
     def as_dict(self) -> dict[str, Any]:
         """Plain values."""

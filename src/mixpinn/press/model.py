@@ -158,7 +158,7 @@ class PoseModel:
         correction = self.correction
         if correction is None or not len(base.contact.nodes):
             return unknowns, wrench
-        amount = correction.features(base.coordinates) @ correction.gain
+        amount = np.einsum("f,fm->m", correction.features(base.coordinates), correction.gain)
         size, whole = float(np.linalg.norm(amount)), self._size(unknowns)
         amount *= min(1.0, float(correction.largest[0]) * whole / max(size, 1e-12))
         unknowns = unknowns.copy()

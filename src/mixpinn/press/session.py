@@ -135,7 +135,7 @@ class ContactSession:
         """Contact by mesh nodes and probes."""
         contact, placed = self.contact, self.placed
         k = len(placed.fields)
-        moved = self.shift - (self.compliance @ self.force).reshape(-1, 3)
+        moved = self.shift - np.einsum("ij,j->i", self.compliance, self.force).reshape(-1, 3)
         x = contact.rest[self.patch] + moved
         weights = contact.skin.weights[self.points]
         places = np.einsum("pw,pwr->pr", weights, x[self.stencil])
