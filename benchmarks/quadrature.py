@@ -6,11 +6,11 @@ on finer meshes, so that the rule with the lower one is nearer to the converged 
 """
 
 import argparse
-import json
 import sys
 
 import numpy as np
 
+from benchmarks.history import report
 from mixpinn.fem import ContactConfig, ElasticSystem, PoseSimulator, Scene, StableNeoHookean
 from mixpinn.fem.solve.quasi_static import QuasiStaticSolver
 from mixpinn.geometry.probe_shapes import linear_probe
@@ -47,7 +47,7 @@ def main() -> None:
         for rule in (TETRAHEDRON_4, TETRAHEDRON_8, TETRAHEDRON_14):
             result[f"{poisson:g}, {rule.name}"] = values = forces(mesh, poisson, rule)
             print(f"nu {poisson:g}, {rule.name}: {np.array2string(np.array(values), precision=3)} N", flush=True)
-    print(json.dumps(result))
+    report("quadrature", result)
 
 
 if __name__ == "__main__":

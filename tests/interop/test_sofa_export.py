@@ -171,3 +171,8 @@ def test_exports_that_do_not_fit_are_refused(tmp_path):
         export_sofa_scene(tmp_path, two_cells(), PROBE, {})
     with pytest.raises(InputError, match="mu, lam"):
         export_sofa_scene(tmp_path, two_cells(), PROBE, PATHS, settings=SofaSettings(mu=(1.0, 2.0), lam=(1.0, 2.0)))
+
+
+def test_quadratic_cells_are_refused(tmp_path):
+    with pytest.raises(InputError, match="linear cells"):
+        export_sofa_scene(tmp_path, two_cells().with_order(2), PROBE, PATHS, skin_faces=SKIN)

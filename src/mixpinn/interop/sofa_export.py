@@ -77,8 +77,14 @@ def export_sofa_scene(
         Path of the scene.
 
     Raises:
-        InputError: no path, paths of different lengths, or constants that do not fit the mesh's tissues.
+        InputError: no path, paths of different lengths, constants that do not fit the mesh's tissues, or quadratic
+            cells.
     """
+    if mesh.order != 1:
+        raise InputError(
+            "mesh", expected="linear cells, as the SOFA scene has them", got="quadratic ones",
+            fix="export mesh.with_order(1)",
+        )
     folder, settings = Path(folder), settings or SofaSettings()
     steps = {len(path) for path in paths.values()}
     tissues = len(mesh.tissue_names)

@@ -26,8 +26,13 @@ def build_prior(
         chunk: right-hand sides at a time.
 
     Raises:
-        InputError: a node is fixed or rigid, or there is none.
+        InputError: quadratic cells, or a node that is fixed or rigid, or none.
     """
+    if mesh.order != 1:
+        raise InputError(
+            "elastic prior", expected="linear cells", got="quadratic ones, which reduced models do not know yet",
+            fix="fit on simulations with mesh.with_order(1)",
+        )
     nodes = probed_nodes(mesh) if nodes is None else np.unique(nodes)
     if not len(nodes) or (mesh.node_part[nodes] > 0).any() or mesh.node_fixed[nodes].any():
         raise InputError(
