@@ -42,7 +42,7 @@ def equilibrium(
     history: list[float] = []
     for iteration in range(limit + 1):
         nodal = system.gradient(state) - load
-        residual = system.reduce(nodal, state)
+        residual = system.residual(nodal, state)
         if shift is None:
             history.append(float(np.linalg.norm(residual[~held])))
             if history[-1] <= tolerance or iteration == limit:

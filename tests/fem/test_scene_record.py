@@ -9,7 +9,11 @@ from mixpinn.base.errors import InputError
 from mixpinn.dataset import SMALL, SimulationStore
 from mixpinn.fem import (
     ContactConfig,
+    Joint,
+    JointFrame,
+    LinearBushing,
     LinearElastic,
+    NeutralZoneBushing,
     Scene,
     SolverConfig,
     StableNeoHookean,
@@ -17,7 +21,7 @@ from mixpinn.fem import (
     scene_hash,
     scene_record,
 )
-from mixpinn.fem.scene_record import recorded_contact, recorded_materials
+from mixpinn.fem.scene_record import recorded_contact, recorded_joints, recorded_materials, refuse_joints
 
 MATERIALS = (
     StableNeoHookean(mu=1e-3 / 3, lam=0.1), StableNeoHookeanLog.from_young(0.02, 0.4), LinearElastic(mu=0.1, lam=1 / 7),
@@ -86,3 +90,49 @@ def test_what_is_not_recorded_is_not_guessed(record):
 def test_damaged_constants_are_refused():
     with pytest.raises(InputError, match="mu"):
         recorded_materials({"materials": [{"kind": "StableNeoHookean", "mu": "soft", "lam": 1.0}]}, "store")
+
+
+FRAME = JointFrame("A", "B", (1.0, 2.0, 3.0), ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)), 35.0)
+JOINTS = (
+    Joint(FRAME, LinearBushing.of_diagonal([1.0, 2.0, 3.0, 4.0, 5.0, 6.0])),
+    Joint(FRAME, NeutralZoneBushing((1.0,) * 6, (2.0,) * 6, (3.0,) * 6, (0.1,) * 6, (0.2,) * 6, (0.5,) * 6)),
+)
+
+
+@dataclass(frozen=True)
+class BushingOfMine(LinearBushing):
+    """A class of the user's own."""
+
+
+def with_joints(*joints):
+    mesh = block(3)
+    part = mesh.part.copy()
+    part[[0, 1]] = 1, 2
+    return Scene(replace(mesh, part=part, rigid_names=("A", "B")), plate(), (MATERIALS[0],), joints=joints)
+
+
+def test_joints_survive_a_round_trip_and_belong_to_the_identity(tmp_path):
+    scene, bare = with_joints(*JOINTS), with_joints()
+    record = json.loads(json.dumps(scene_record(scene)))
+    assert recorded_joints(record, "store") == JOINTS
+    assert "joints" not in scene_record(bare)
+    assert recorded_joints(scene_record(bare), "store") == ()
+    softer = with_joints(Joint(FRAME, LinearBushing.of_diagonal([1.0] * 6)), JOINTS[1])
+    assert len({bare.hash(), scene.hash(), softer.hash(), with_joints(JOINTS[0]).hash()}) == 4
+    store = SimulationStore.create(
+        tmp_path, scene.mesh, protocol=SMALL, positions=np.zeros((0, 3)), poses=(), scene=record, probe=scene.probe,
+    )
+    assert store.scene_hash == scene.hash()
+    assert SimulationStore.open(tmp_path).joints() == JOINTS
+
+
+def test_a_joint_law_of_the_users_own_is_refused_with_the_remedy():
+    record = scene_record(with_joints(Joint(FRAME, BushingOfMine(JOINTS[0].law.stiffness))))
+    with pytest.raises(InputError, match=r"BushingOfMine.*joints="):
+        recorded_joints(record, "store")
+
+
+def test_what_does_not_know_joints_refuses_them():
+    refuse_joints((), "prior")
+    with pytest.raises(InputError, match=r"prior.*does not know joints"):
+        refuse_joints(JOINTS, "prior")

@@ -17,7 +17,8 @@ from mixpinn.dataset.protocol import Pose, Protocol
 from mixpinn.dataset.status import PoseState, PoseStatus, content_hash, folder_sizes, status_of
 from mixpinn.fem.contact.model import ContactConfig
 from mixpinn.fem.material.hyperelastic import Material
-from mixpinn.fem.scene_record import recorded_contact, recorded_materials, scene_hash
+from mixpinn.fem.rigid.joints import Joint
+from mixpinn.fem.scene_record import recorded_contact, recorded_joints, recorded_materials, scene_hash
 from mixpinn.records import MESH_FILE, Probe, Simulation, TissueMesh
 
 RECORD = "store.json"
@@ -152,6 +153,14 @@ class SimulationStore:
             InputError: not recorded, or a class of the user's own.
         """
         return recorded_materials(self.scene, str(self.folder))
+
+    def joints(self) -> tuple[Joint, ...]:
+        """The joints between rigid parts that the simulations were made with; empty where there were none.
+
+        Raises:
+            InputError: a law of the user's own.
+        """
+        return recorded_joints(self.scene, str(self.folder))
 
     def contact(self) -> ContactConfig:
         """How the probe touched the skin in the simulations.

@@ -12,6 +12,7 @@ from mixpinn.fem.material.hyperelastic import (
     StableNeoHookean,
     StableNeoHookeanLog,
 )
+from mixpinn.fem.rigid.joints import Joint
 from mixpinn.fem.scene import Scene
 from mixpinn.fem.scene_record import scene_hash, scene_record
 from mixpinn.fem.solve.imposed import ImposedSolution, solve_imposed
@@ -21,11 +22,14 @@ from mixpinn.fem.solve.pose_simulator import PoseSimulator, simulate_pose
 from mixpinn.fem.solve.quasi_static import QuasiStaticSolver, SolverConfig
 from mixpinn.fem.solve.scene_models import contact_model, elastic_system
 from mixpinn.geometry.probe_pose import ProbePose
+from mixpinn.physics.joints import JointLaw, LinearBushing, NeutralZoneBushing
+from mixpinn.records.joint_frame import JointFrame
 
 __all__ = [
     "DEFAULT_TISSUE", "PAPER_TISSUE", "ContactConfig", "ContactModel", "ContactPressure", "ElasticSystem",
-    "ImposedSolution", "LinearElastic", "LinearSolver", "Material", "PardisoSolver", "PoseSimulator", "PressHistory",
-    "ProbePose", "QuasiStaticSolver", "Scene", "SkinSurface", "SolverConfig", "StableNeoHookean", "StableNeoHookeanLog",
-    "State", "SuperLUSolver", "contact_area", "contact_model", "contact_pressure", "default_solver", "elastic_system",
-    "scene_hash", "scene_record", "simulate_pose", "solve_imposed", "solve_pose",
+    "ImposedSolution", "Joint", "JointFrame", "JointLaw", "LinearBushing", "LinearElastic", "LinearSolver", "Material",
+    "NeutralZoneBushing", "PardisoSolver", "PoseSimulator", "PressHistory", "ProbePose", "QuasiStaticSolver", "Scene",
+    "SkinSurface", "SolverConfig", "StableNeoHookean", "StableNeoHookeanLog", "State", "SuperLUSolver", "contact_area",
+    "contact_model", "contact_pressure", "default_solver", "elastic_system", "scene_hash", "scene_record",
+    "simulate_pose", "solve_imposed", "solve_pose",
 ]

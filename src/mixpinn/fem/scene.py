@@ -2,10 +2,13 @@
 
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from mixpinn.base.errors import InputError
 from mixpinn.fem.contact.model import ContactConfig
 from mixpinn.fem.contact.surfaces import SkinSurface
 from mixpinn.fem.material.hyperelastic import DEFAULT_TISSUE, Material
+from mixpinn.fem.rigid.joints import Joint, JointSystem
 from mixpinn.fem.scene_record import scene_hash, scene_record
 from mixpinn.fem.solve.quasi_static import SolverConfig
 from mixpinn.geometry.probe_shapes import linear_probe
@@ -23,6 +26,7 @@ class Scene:
         contact: gap, friction and stiffness of contact.
         solver: tolerances and limits.
         skin: the surface that the probe can touch; None for the mesh's own skin.
+        joints: between rigid parts; by default none, and the parts float in the tissue.
     """
 
     mesh: TissueMesh
@@ -31,6 +35,7 @@ class Scene:
     contact: ContactConfig = field(default_factory=ContactConfig)
     solver: SolverConfig = field(default_factory=SolverConfig)
     skin: SkinSurface | None = None
+    joints: tuple[Joint, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.materials:
@@ -40,6 +45,9 @@ class Scene:
                 "scene", expected=f"one material for each tissue: {', '.join(self.mesh.tissue_names)}",
                 got=f"{len(self.materials)}", fix="pass as many materials as the mesh has tissues",
             )
+
+        object.__setattr__(self, "joints", tuple(self.joints))
+        JointSystem(self.joints, self.mesh.rigid_names, np.zeros((self.mesh.n_parts, 3)))  # refuses unknown parts
 
     def hash(self) -> str:
         """Identity of all that decides the result; thread counts do not."""

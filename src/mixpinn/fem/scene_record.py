@@ -16,15 +16,26 @@ from mixpinn.base.errors import InputError
 from mixpinn.base.files import hash_arrays
 from mixpinn.fem.contact.model import ContactConfig
 from mixpinn.fem.material.hyperelastic import LinearElastic, Material, StableNeoHookean, StableNeoHookeanLog
+from mixpinn.fem.rigid.joints import Joint
+from mixpinn.physics.joints import LinearBushing, NeutralZoneBushing
 from mixpinn.records import Probe, TissueMesh
+from mixpinn.records.joint_frame import joint_frame_from
 
 KIND = "kind"
 """Name of a recorded object's class."""
+
+JOINTS = "joints"
+"""Entry of the joints, absent where there are none."""
 
 BUILT_IN: dict[str, type[StableNeoHookean | StableNeoHookeanLog | LinearElastic]] = {
     law.__name__: law for law in (StableNeoHookean, StableNeoHookeanLog, LinearElastic)
 }
 """Materials that a record can be turned back into."""
+
+JOINT_LAWS: dict[str, type[LinearBushing | NeutralZoneBushing]] = {
+    law.__name__: law for law in (LinearBushing, NeutralZoneBushing)
+}
+"""Laws of joints that a record can be turned back into."""
 
 _SAY_IT = (
     "import the recordings into another folder and say what they were made with (--paper-constants, --scene, or "
@@ -43,7 +54,8 @@ def scene_record(scene: object) -> dict[str, Any]:
     """
     assert is_dataclass(scene)
     record = {field.name: plain(getattr(scene, field.name)) for field in fields(scene) if field.name != "mesh"}
-    return {key: value for key, value in record.items() if value is not None}
+    # What is not there is left out, so that a scene without it keeps the identity it had before there was such a thing.
+    return {key: value for key, value in record.items() if value is not None and (key != JOINTS or value)}
 
 
 def scene_hash(record: Mapping[str, Any], mesh_hash: str) -> str:
@@ -118,3 +130,47 @@ def recorded_contact(record: Mapping[str, Any], where: str) -> ContactConfig:
         raise InputError(where, expected="recorded contact settings", got=f"no {' and no '.join(missing)}", fix=_SAY_IT)
     assert isinstance(entry, Mapping)
     return build_config(ContactConfig, {key: value for key, value in entry.items() if key != KIND})
+
+
+def recorded_joints(record: Mapping[str, Any], where: str) -> tuple[Joint, ...]:
+    """The joints between rigid parts, rebuilt from the record of a scene; none where it has none.
+
+    Raises:
+        InputError: a law of the user's own, which the record names but cannot rebuild, or a damaged entry.
+    """
+    return tuple(_joint(entry, where) for entry in record.get(JOINTS, ()))
+
+
+def _joint(entry: Any, where: str) -> Joint:
+    law = entry.get("law") if isinstance(entry, Mapping) else None
+    kind = law.get(KIND) if isinstance(law, Mapping) else law
+    if not isinstance(law, Mapping) or kind not in JOINT_LAWS:
+        raise InputError(
+            where, expected="joints of " + ", ".join(JOINT_LAWS), got=f"the class {kind!r}, which is not built in",
+            fix="build the scene in Python with the joints' own laws (Scene(..., joints=...))",
+        )
+    constants = {key: value for key, value in law.items() if key != KIND}
+    try:
+        return Joint(joint_frame_from(entry.get("frame"), where), JOINT_LAWS[str(kind)](**constants))
+    except TypeError as error:
+        raise InputError(
+            where, expected=f"the constants of a {kind}", got=str(error), fix="simulate again",
+        ) from error
+
+
+def refuse_joints(joints: Sequence[object], what: str) -> None:
+    """Refuse joints where something would leave them out without a word.
+
+    Args:
+        joints: of a scene, or the entries of its record.
+        what: what does not know joints yet.
+
+    Raises:
+        InputError: there are joints.
+    """
+    if joints:
+        raise InputError(
+            what, expected="a scene without joints between its rigid parts", got=f"{len(joints)} joints",
+            fix="it does not know joints yet and would predict parts that float: use the full solver "
+            "(mixpinn.solve_pose, mixpinn.simulate), or a scene without joints",
+        )

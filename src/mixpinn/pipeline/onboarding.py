@@ -16,6 +16,7 @@ from mixpinn.dataset import SimulationStore, Split, build_sample_table, farthest
 from mixpinn.evaluation import evaluate
 from mixpinn.evaluation.onboarding_report import draw_rounds, rounds_report
 from mixpinn.fem import Scene
+from mixpinn.fem.scene_record import refuse_joints
 from mixpinn.press.files import save_pose_model
 from mixpinn.press.model import PoseModel
 from mixpinn.records import SampleTable, TissueMesh
@@ -102,6 +103,7 @@ def onboard(config: OnboardingConfig, *, out: Path | str) -> Path:
 
 
 def _prior_bundle(scene: Scene, bundle: Path) -> HybridModel:
+    refuse_joints(scene.joints, "elastic prior")
     model = HybridModel.of_prior(
         cached_prior(scene.mesh, scene.materials), Equilibrium.of_materials(scene.mesh, scene.materials),
     )

@@ -24,7 +24,7 @@ from mixpinn.evaluation import (
     write_report,
 )
 from mixpinn.fem import Material
-from mixpinn.fem.scene_record import BUILT_IN
+from mixpinn.fem.scene_record import BUILT_IN, JOINTS, refuse_joints
 from mixpinn.records import Evaluation, SampleTable, TissueMesh
 from mixpinn.reduced.newton_steps import NewtonSteps
 from mixpinn.serving import AnyPredictor, HybridPredictor, Predictor, load_predictor
@@ -106,6 +106,7 @@ def evaluate_models(
     out, background = Path(out), background or Background()
     mesh, test = store.mesh(), held_out_samples(table, choose_samples(table, split, held_out))
     if config.prior:
+        refuse_joints(store.scene.get(JOINTS, ()), "elastic prior beside the models (prior=false leaves it out)")
         materials = store.materials() if materials is None else tuple(materials)
     trained = [_load(folder, mesh, threads) for folder in models]
     begun = start_run(

@@ -10,6 +10,7 @@ from mixpinn.base.files import hash_arrays
 from mixpinn.base.rundir import finish_run, is_finished, leave_run, start_run
 from mixpinn.dataset import SimulationStore, Split
 from mixpinn.fem import ContactConfig, Material
+from mixpinn.fem.scene_record import JOINTS, refuse_joints
 from mixpinn.press.contact import PriorContact
 from mixpinn.press.domain import PoseDomain
 from mixpinn.press.files import save_pose_model
@@ -56,8 +57,10 @@ def make_hybrid(
         held_out: a hold-out by name whose samples neither fit nor calibration sees.
 
     Raises:
-        InputError: `out` holds another run, or materials or contact of the simulations are not recorded.
+        InputError: `out` holds another run, materials or contact of the simulations are not recorded, or the
+            simulations have joints.
     """
+    refuse_joints(store.scene.get(JOINTS, ()), "hybrid model")
     out, mesh = Path(out), store.mesh()
     samples = choose_samples(table, split, held_out)
     materials = store.materials() if materials is None else tuple(materials)

@@ -29,8 +29,10 @@ from mixpinn.fem import (
     SolverConfig,
     StableNeoHookean,
     StableNeoHookeanLog,
+    scene_hash,
     scene_record,
 )
+from mixpinn.fem.scene_record import JOINTS, refuse_joints
 from mixpinn.geometry.probe_shapes import linear_probe
 from mixpinn.records import Probe, TissueMesh
 
@@ -145,8 +147,9 @@ def settings_of(store: SimulationStore) -> SimulationConfig:
     """Settings that simulate another protocol with the tissue and the contact of `store`.
 
     Raises:
-        InputError: they are not recorded.
+        InputError: they are not recorded, or the simulations have joints, which are no settings yet.
     """
+    refuse_joints(store.scene.get(JOINTS, ()), "further simulations with the settings of a store")
     names, solver = store.mesh().tissue_names, dict(store.scene.get("solver", {}))
     solver.pop("kind", None)
     return SimulationConfig(
@@ -199,12 +202,15 @@ def begin_simulations(
     """
     own_probe = {} if scene is None else {"probe": scene.probe.hash()}
     scene = scene or make_scene(mesh, config)
+    record = scene_record(scene)
+    own_joints = {} if not scene.joints else {"joints": scene_hash({JOINTS: record[JOINTS]}, mesh.hash())}
     inputs = {name: path for name, path in (("probe", config.probe), ("positions", config.positions)) if path}
     settings = asdict(config)
     del settings["workers"]  # decides when, not what
 
     def start() -> None:
-        start_run(out, "simulate", settings, inputs=inputs, input_hashes={"mesh": mesh.hash(), **own_probe})
+        hashes = {"mesh": mesh.hash(), **own_probe, **own_joints}
+        start_run(out, "simulate", settings, inputs=inputs, input_hashes=hashes)
 
     if (out / STORE / "store.json").exists():
         start()
@@ -214,7 +220,7 @@ def begin_simulations(
         positions, poses = plan(mesh, config, scene.probe)
         start()
         store = SimulationStore.create(
-            out / STORE, mesh, protocol=config.protocol, positions=positions, poses=poses, scene=scene_record(scene),
+            out / STORE, mesh, protocol=config.protocol, positions=positions, poses=poses, scene=record,
             probe=scene.probe,
         )
     return scene, store

@@ -14,6 +14,7 @@ from mixpinn.fem.elements.input_check import check_elastic_input
 from mixpinn.fem.elements.pattern import NodePairs, Reduction
 from mixpinn.fem.elements.ranges import RangeRunner
 from mixpinn.fem.material.hyperelastic import Material
+from mixpinn.fem.rigid.joints import Joint, JointSystem
 from mixpinn.fem.rigid.parts import RigidParts, geometric_stiffness
 from mixpinn.geometry.rotations import orthonormalise, rotation_from_vector, vector_from_rotation
 from mixpinn.geometry.tetrahedra import shape_gradients
@@ -60,10 +61,11 @@ class ElasticSystem:
         extra_pairs: pairs of nodes that external blocks may couple beyond the edges of the mesh, shape (p, 2).
         threads: threads of the assembly; results do not depend on it.
         quadrature: of ten-node cells.
+        joints: between the rigid parts; their energy belongs to E.
 
     Raises:
         InputError: wrong number of materials, inverted cells, a rigid part with fixed nodes or without nodes, a
-            soft node without a cell.
+            soft node without a cell, a joint of a part that is not there.
 
     An instance keeps work arrays: it serves one caller at a time.
 
@@ -71,7 +73,7 @@ class ElasticSystem:
         >>> from mixpinn.fem import PAPER_TISSUE, default_solver
         >>> system, solver = ElasticSystem(mesh, [PAPER_TISSUE]), default_solver()
         >>> state, load = system.rest_state(), np.zeros((mesh.n_points, 3))  # [N]
-        >>> residual = system.reduce(system.gradient(state) - load, state)
+        >>> residual = system.residual(system.gradient(state) - load, state)
         >>> solver.factorize(system.tangent(state))
         >>> state = system.advance(state, -solver.solve(residual))
         >>> bool(np.allclose(state.points, mesh.points))  # no load, no motion
@@ -80,7 +82,7 @@ class ElasticSystem:
 
     def __init__(
         self, mesh: TissueMesh, materials: Sequence[Material], *, extra_pairs: IntArray | None = None, threads: int = 1,
-        quadrature: Quadrature = TETRAHEDRON_4,
+        quadrature: Quadrature = TETRAHEDRON_4, joints: Sequence[Joint] = (),
     ) -> None:
         check_elastic_input(mesh, len(materials), extra_pairs)
         self.mesh = mesh
@@ -90,6 +92,7 @@ class ElasticSystem:
         self._part = np.asarray(mesh.node_part, dtype=np.int64)
         self._fixed = mesh.node_fixed
         self._rigid = RigidParts(self._rest, self._part, mesh.n_parts, n_vertices=mesh.n_points)
+        self.joints = JointSystem(joints, mesh.rigid_names, self._rigid.centroids)
 
         # Sorted, ten nodes are four vertices and the midpoints of their pairs in ascending order.
         self._all_cells = np.sort(np.asarray(mesh.cell_nodes, dtype=np.int64), axis=1)
@@ -156,12 +159,24 @@ class ElasticSystem:
         return moved
 
     def energy(self, state: State) -> float:
-        """Elastic energy E [N mm], zero at rest."""
-        return self._elastic.energy(state.points)
+        """Elastic energy E of cells and joints [N mm], zero at rest."""
+        return self._elastic.energy(state.points) + self.joints.energy(state.rotation, state.translation)
 
     def gradient(self, state: State) -> FloatArray:
-        """∂E/∂x at every node, fixed and rigid ones included [N], shape (n, 3)."""
+        """Gradient of the cells' energy at every node, fixed and rigid ones included [N], shape (n, 3).
+
+        Joints act on parts, not on nodes: `residual` has them.
+        """
         return self._elastic.gradient(state.points)
+
+    def residual(self, nodal: FloatArray, state: State) -> FloatArray:
+        """`reduce` of a nodal gradient (n, 3) [N], and the joints' part of ∂E/∂q; shape (n_dofs,) [N, N mm]."""
+        residual = self.reduce(nodal, state)
+        if len(self.joints):
+            residual[self.n_dofs - 6 * len(self._rigid):] += self.joints.gradient(
+                state.rotation, state.translation,
+            ).ravel()
+        return residual
 
     def reduce(self, nodal: FloatArray, state: State) -> FloatArray:
         """Jᵀ g: nodal gradients or forces (n, 3) [N] on the unknowns, shape (n_dofs,) [N, N mm]."""
@@ -215,6 +230,7 @@ class ElasticSystem:
             for k, nodes in enumerate(self._rigid.by_part):
                 turning = slice(6 * k + 3, 6 * k + 6)
                 dense[turning, turning] += geometric_stiffness(arms[nodes], nodal[nodes])
+            self.joints.add_tangent(state.rotation, state.translation, dense)
             data[reduction.indptr[3 * n_soft]:] = dense[np.triu_indices(len(dense))]
         matrix = self._matrix(data)
         if held is not None:

@@ -271,7 +271,8 @@ class _Recorder:
         self.wrench[step, :3] = at.external.sum(axis=0)
         self.wrench[step, 3:] = np.cross(points - pose.translation, at.external).sum(axis=0)
         self.rotation[step], self.translation[step] = at.state.rotation, at.state.translation
-        self.part_wrench[step] = -self.system.part_wrench(at.internal + at.external, at.state)
+        joints = self.system.joints.gradient(at.state.rotation, at.state.translation)
+        self.part_wrench[step] = -self.system.part_wrench(at.internal + at.external, at.state) - joints
         self.scalars["residual"][step] = residual
         self.scalars["energy"][step] = self.system.energy(at.state)
         self.scalars["min_jacobian"][step] = self.system.min_jacobian(at.state)

@@ -1,11 +1,11 @@
 """The quasi-static solve of one load step: quasi-Newton on the elastic body, contact solved exactly in between.
 
 Equilibrium is r(q) + Sᵀ λ = 0 in the reduced unknowns q (free soft nodes and the twists of the rigid parts), with the
-elastic residual r = Jᵀ ∂E/∂x and the forces λ of contact. Every iteration linearises r alone and solves the frictional
-contact of the linearised body on the patch of skin that the probe can reach (`mixpinn.physics.condensed_contact`): what
-changes abruptly is settled there, and what is left for the outer iteration is smooth. A factorized tangent therefore
-serves many iterations and load steps, improved by BFGS updates (`mixpinn.fem.solve.quasi_newton`), and is renewed where
-an iteration leaves too much of the residual.
+elastic residual r = ∂E/∂q of cells and joints and the forces λ of contact. Every iteration linearises r alone and
+solves the frictional contact of the linearised body on the patch of skin that the probe can reach
+(`mixpinn.physics.condensed_contact`): what changes abruptly is settled there, and what is left for the outer iteration
+is smooth. A factorized tangent therefore serves many iterations and load steps, improved by BFGS updates
+(`mixpinn.fem.solve.quasi_newton`), and is renewed where an iteration leaves too much of the residual.
 """
 
 import time
@@ -150,7 +150,7 @@ class QuasiStaticSolver:
         """Evaluate all forces at `state`."""
         start = time.perf_counter()
         internal = self.system.gradient(state)
-        elastic = self.system.reduce(internal, state)
+        elastic = self.system.residual(internal, state)
         self.effort.add("gradient", start)
         self.effort.evaluations += 1
         external, forces, residual = np.zeros_like(internal), None, elastic

@@ -1,0 +1,101 @@
+"""Joints between the rigid parts of a mesh: their energy, wrenches and tangent on the parts' unknowns."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mixpinn.base.arrays import FloatArray
+from mixpinn.base.errors import InputError
+from mixpinn.physics.joint_motion import CarriedFrame, motion_curvature, motion_gradient, relative_motion
+from mixpinn.physics.joints import JointLaw
+from mixpinn.records.joint_frame import JointFrame
+
+
+@dataclass(frozen=True)
+class Joint:
+    """A law between two rigid parts.
+
+    Attributes:
+        frame: the parts by name, and where and along which axes the law acts.
+        law: elastic law of the relative motion.
+    """
+
+    frame: JointFrame
+    law: JointLaw
+
+
+class JointSystem:
+    """All joints of a mesh as a function of the poses of its rigid parts.
+
+    Args:
+        joints: the joints.
+        names: names of the rigid parts 1 … K.
+        centroids: rest centroids of the parts, about which they turn [mm], shape (K, 3).
+
+    Raises:
+        InputError: a joint of a part that the mesh does not have.
+    """
+
+    def __init__(self, joints: Sequence[Joint], names: Sequence[str], centroids: FloatArray) -> None:
+        known = {name: k for k, name in enumerate(names)}
+        for joint in joints:
+            for name in (joint.frame.first, joint.frame.second):
+                if name not in known:
+                    raise InputError(
+                        f"joint {joint.frame.name}", expected="rigid parts of the mesh: " + (", ".join(names) or "none"),
+                        got=repr(name), fix="leave the joint out, or make the mesh with this part rigid",
+                    )
+        self.joints = tuple(joints)
+        self._pairs = [(known[joint.frame.first], known[joint.frame.second]) for joint in joints]
+        self._centroids = centroids
+
+    def __len__(self) -> int:
+        return len(self.joints)
+
+    def motions(self, rotation: FloatArray, translation: FloatArray) -> FloatArray:
+        """Relative motion q of each joint [mm, rad], shape (j, 6).
+
+        Args:
+            rotation: of the parts, shape (K, 3, 3).
+            translation: of their centroids [mm], shape (K, 3).
+        """
+        motions = [relative_motion(*self._carried(j, rotation, translation)) for j in range(len(self))]
+        return np.array(motions).reshape(-1, 6)
+
+    def energy(self, rotation: FloatArray, translation: FloatArray) -> float:
+        """Sum of the joints' energies [N mm]; operands as in `motions`."""
+        motions = self.motions(rotation, translation)
+        return float(sum(joint.law.energy(q) for joint, q in zip(self.joints, motions, strict=True)))
+
+    def gradient(self, rotation: FloatArray, translation: FloatArray) -> FloatArray:
+        """Derivative of the energy by the twist of each part about its centroid [N, N mm], shape (K, 6)."""
+        gradient = np.zeros((len(self._centroids), 6))
+        for j, joint in enumerate(self.joints):
+            frames = self._carried(j, rotation, translation)
+            both = motion_gradient(*frames).T @ joint.law.wrench(relative_motion(*frames))
+            for k, part in zip(self._pairs[j], (both[:6], both[6:]), strict=True):
+                gradient[k] += part
+        return gradient
+
+    def add_tangent(self, rotation: FloatArray, translation: FloatArray, dense: FloatArray) -> None:
+        """Add the Hessian by all twists, for R ← exp([δw]) R, to `dense` (6K, 6K), in place."""
+        for j, joint in enumerate(self.joints):
+            frames = self._carried(j, rotation, translation)
+            motion, rate = relative_motion(*frames), motion_gradient(*frames)
+            tangent = rate.T @ joint.law.tangent(motion) @ rate
+            tangent += motion_curvature(*frames, joint.law.wrench(motion))
+            unknowns = np.concatenate([6 * k + np.arange(6) for k in self._pairs[j]])
+            dense[np.ix_(unknowns, unknowns)] += tangent
+
+    def _carried(
+        self, j: int, rotation: FloatArray, translation: FloatArray,
+    ) -> tuple[CarriedFrame, CarriedFrame]:
+        frame = self.joints[j].frame
+        first, second = (
+            CarriedFrame(
+                rotation[k] @ frame.columns, rotation[k] @ (frame.centre - self._centroids[k]),
+                self._centroids[k] + translation[k],
+            ) for k in self._pairs[j]
+        )
+        return first, second
