@@ -39,11 +39,12 @@ class JointSystem:
 
     def __init__(self, joints: Sequence[Joint], names: Sequence[str], centroids: FloatArray) -> None:
         known = {name: k for k, name in enumerate(names)}
+        listed = ", ".join(names) or "none"
         for joint in joints:
             for name in (joint.frame.first, joint.frame.second):
                 if name not in known:
                     raise InputError(
-                        f"joint {joint.frame.name}", expected="rigid parts of the mesh: " + (", ".join(names) or "none"),
+                        f"joint {joint.frame.name}", expected=f"rigid parts of the mesh: {listed}",
                         got=repr(name), fix="leave the joint out, or make the mesh with this part rigid",
                     )
         self.joints = tuple(joints)
