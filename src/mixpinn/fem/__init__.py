@@ -12,6 +12,7 @@ from mixpinn.fem.material.hyperelastic import (
     StableNeoHookean,
     StableNeoHookeanLog,
 )
+from mixpinn.fem.rigid.joint_presets import JointPreset, preset_joints
 from mixpinn.fem.rigid.joints import Joint
 from mixpinn.fem.scene import Scene
 from mixpinn.fem.scene_record import scene_hash, scene_record
@@ -27,9 +28,9 @@ from mixpinn.records.joint_frame import JointFrame
 
 __all__ = [
     "DEFAULT_TISSUE", "PAPER_TISSUE", "ContactConfig", "ContactModel", "ContactPressure", "ElasticSystem",
-    "ImposedSolution", "Joint", "JointFrame", "JointLaw", "LinearBushing", "LinearElastic", "LinearSolver", "Material",
-    "NeutralZoneBushing", "PardisoSolver", "PoseSimulator", "PressHistory", "ProbePose", "QuasiStaticSolver", "Scene",
-    "SkinSurface", "SolverConfig", "StableNeoHookean", "StableNeoHookeanLog", "State", "SuperLUSolver", "contact_area",
-    "contact_model", "contact_pressure", "default_solver", "elastic_system", "scene_hash", "scene_record",
-    "simulate_pose", "solve_imposed", "solve_pose",
+    "ImposedSolution", "Joint", "JointFrame", "JointLaw", "JointPreset", "LinearBushing", "LinearElastic",
+    "LinearSolver", "Material", "NeutralZoneBushing", "PardisoSolver", "PoseSimulator", "PressHistory", "ProbePose",
+    "QuasiStaticSolver", "Scene", "SkinSurface", "SolverConfig", "StableNeoHookean", "StableNeoHookeanLog", "State",
+    "SuperLUSolver", "contact_area", "contact_model", "contact_pressure", "default_solver", "elastic_system",
+    "preset_joints", "scene_hash", "scene_record", "simulate_pose", "solve_imposed", "solve_pose",
 ]

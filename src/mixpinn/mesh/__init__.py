@@ -7,6 +7,8 @@ from mixpinn.mesh.extract import SurfaceConfig, extract_surfaces
 from mixpinn.mesh.fidelity import MeshFidelity, StructureFidelity, mesh_fidelity, voxel_parts
 from mixpinn.mesh.grading import Grading, SizingField
 from mixpinn.mesh.import_vtu import import_vtu, load_paper_mesh
+from mixpinn.mesh.joint_frames import joint_frames
+from mixpinn.mesh.joint_picture import draw_joint_frames
 from mixpinn.mesh.label import FixedRegion, PartContacts, fixed_nodes, label_mesh, part_contacts
 from mixpinn.mesh.mesher import PAPER_SIZING, Mesher, Sizing, has_cgal
 from mixpinn.mesh.orientation import check_cells, orient_cells
@@ -21,7 +23,7 @@ __all__ = [
     "PAPER_SIZING", "CgalMesher", "DomainSurfaces", "FixedRegion", "Grading", "MeshFidelity", "MeshQuality",
     "MeshStatistics", "Mesher", "PartContacts", "PartStatistics", "Sizing", "SizingField", "StructureFidelity",
     "Surface", "SurfaceConfig", "TetwildMesher", "check_cells", "check_surface", "check_surfaces", "dihedral_angles",
-    "draw_mesh", "extract_surfaces", "fixed_nodes", "has_cgal", "import_vtu", "label_mesh", "load_paper_mesh",
-    "mesh_fidelity", "mesh_quality", "mesh_statistics", "orient_cells", "part_contacts", "radius_ratios", "refine",
-    "refine_to", "self_intersections", "voxel_parts",
+    "draw_joint_frames", "draw_mesh", "extract_surfaces", "fixed_nodes", "has_cgal", "import_vtu", "joint_frames",
+    "label_mesh", "load_paper_mesh", "mesh_fidelity", "mesh_quality", "mesh_statistics", "orient_cells",
+    "part_contacts", "radius_ratios", "refine", "refine_to", "self_intersections", "voxel_parts",
 ]

@@ -55,6 +55,14 @@ class JointFrame:
         object.__setattr__(self, "origin", tuple(origin.tolist()))
         object.__setattr__(self, "axes", tuple(tuple(row) for row in axes.tolist()))
 
+    @staticmethod
+    def of_arrays(
+        first: str, second: str, *, origin: FloatArray, axes: FloatArray, spacing: float = 0.0,
+    ) -> "JointFrame":
+        """A frame from its origin (3,) [mm] and axes, one a row, (3, 3); the rest as above."""
+        x, y, z = np.asarray(axes, dtype=np.float64).tolist()
+        return JointFrame(first, second, tuple(np.asarray(origin, dtype=np.float64).tolist()), (x, y, z), spacing)
+
     @property
     def centre(self) -> FloatArray:
         """Origin [mm], shape (3,)."""
