@@ -6,7 +6,7 @@ import pytest
 
 from mixpinn.base.errors import InputError
 from mixpinn.base.files import read_json
-from mixpinn.base.rundir import finish_run, is_finished, leave_run, start_run, withdraw_unused_runs
+from mixpinn.base.rundir import finish_run, is_finished, run_scope, start_run, withdraw_unused_runs
 
 
 def test_same_run_goes_on_and_another_is_refused(tmp_path):
@@ -69,7 +69,29 @@ def test_another_process_is_refused_until_the_run_is_finished(tmp_path):
     assert f"process {os.getpid()} at work in it" in refused.stderr
     finish_run(tmp_path, {})
     assert other().returncode == 0
-    start_run(tmp_path, "stage", {})
-    assert other().returncode != 0
-    leave_run(tmp_path)
+    with run_scope():
+        start_run(tmp_path, "stage", {})
+        assert other().returncode != 0
     assert other().returncode == 0
+
+
+def test_a_stage_that_failed_lets_go_of_its_folders_and_of_no_others(tmp_path):
+    @run_scope()
+    def stage(folder):
+        start_run(folder / "inner", "stage", {})
+        raise ValueError("failed")
+
+    @run_scope()
+    def pipeline():
+        start_run(tmp_path, "run", {})
+        with pytest.raises(ValueError, match="failed"):
+            stage(tmp_path)
+        assert (tmp_path / ".lock").exists()
+        assert not (tmp_path / "inner" / ".lock").exists()
+        stage(tmp_path)
+
+    with pytest.raises(ValueError, match="failed"):
+        pipeline()
+    assert not list(tmp_path.rglob(".lock"))
+    assert (tmp_path / "inner" / "run.json").exists()  # as after any interruption: the same run continues
+    assert start_run(tmp_path / "inner", "stage", {})

@@ -4,6 +4,7 @@ import contextlib
 import os
 import time
 from collections.abc import Iterator
+from contextvars import ContextVar
 from pathlib import Path
 from typing import IO
 
@@ -15,6 +16,8 @@ _PAUSE = 0.1
 """Between two attempts where the system cannot wait for a lock by itself [s]."""
 _held: dict[Path, tuple[int, IO[str]]] = {}
 """Number of the process and open lock file by folder; a process that was forked from it does not hold them."""
+_scope: ContextVar[list[Path] | None] = ContextVar("_scope", default=None)
+"""Folders that were locked since the innermost `given_back` of this thread began."""
 
 
 def acquire(folder: Path | str, *, wait: bool = False) -> bool:
@@ -62,6 +65,9 @@ def acquire(folder: Path | str, *, wait: bool = False) -> bool:
     file.write(f"{os.getpid()}\n")
     file.flush()
     _held[folder] = os.getpid(), file
+    scope = _scope.get()
+    if scope is not None:
+        scope.append(folder)
     return True
 
 
@@ -73,6 +79,18 @@ def release(folder: Path | str) -> None:
         with contextlib.suppress(OSError):  # the folder may be gone
             (folder / LOCK_FILE).unlink()
         file.close()
+
+
+@contextlib.contextmanager
+def given_back() -> Iterator[None]:
+    """What is locked while this lasts is given back at its end, also after an exception; a decorator too."""
+    token = _scope.set([])
+    try:
+        yield
+    finally:
+        for folder in _scope.get() or []:
+            release(folder)
+        _scope.reset(token)
 
 
 @contextlib.contextmanager

@@ -11,7 +11,7 @@ from typing import Any
 
 from mixpinn.base.errors import InputError
 from mixpinn.base.files import hash_file, make_folder, read_json, write_json
-from mixpinn.base.lock import acquire, release
+from mixpinn.base.lock import acquire, given_back, release
 
 RECORD = "run.json"
 _begun: list[tuple[Path, bool]] = []
@@ -45,6 +45,10 @@ def _visible_files(folder: Path) -> list[Path]:
     return sorted(path for path in folder.iterdir() if path.is_file() and not path.name.startswith("."))
 
 
+run_scope = given_back
+"""``@run_scope()`` before a stage: the run directories that it opens are let go when it ends, however it ends."""
+
+
 def start_run(
     folder: Path | str, stage: str, config: Any, *, inputs: Mapping[str, Path | str] | None = None,
     seed: int | None = None, input_hashes: Mapping[str, str] | None = None,
@@ -57,7 +61,7 @@ def start_run(
 
     Raises:
         InputError: the folder holds another run, its path is that of a file, or another process works in it. This
-            process keeps the folder to itself until `finish_run` or `leave_run`, or until it ends.
+            process keeps the folder to itself until `finish_run`, the end of the `run_scope` around, or its own end.
     """
     folder = Path(folder)
     existed = folder.is_dir()
@@ -109,11 +113,6 @@ def finish_run(folder: Path | str, results: Mapping[str, Any]) -> None:
     write_json(record, {
         **read_json(record), "results": dict(results), "finished": datetime.now(UTC).isoformat(timespec="seconds"),
     })
-    release(folder)
-
-
-def leave_run(folder: Path | str) -> None:
-    """Let other processes into a run directory whose finished results were only read."""
     release(folder)
 
 

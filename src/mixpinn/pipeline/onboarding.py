@@ -11,7 +11,7 @@ import numpy as np
 from mixpinn.base.errors import InputError
 from mixpinn.base.files import read_json, write_json, write_text
 from mixpinn.base.progress import console
-from mixpinn.base.rundir import finish_run, start_run
+from mixpinn.base.rundir import finish_run, run_scope, start_run
 from mixpinn.dataset import SimulationStore, Split, build_sample_table, farthest_first, generate
 from mixpinn.evaluation import evaluate
 from mixpinn.evaluation.onboarding_report import draw_rounds, rounds_report
@@ -64,6 +64,7 @@ class OnboardingConfig:
                 )
 
 
+@run_scope()
 def onboard(config: OnboardingConfig, *, out: Path | str) -> Path:
     """Make a predictor for one anatomy; the same call continues where it was stopped.
 

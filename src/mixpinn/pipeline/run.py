@@ -8,7 +8,7 @@ from typing import TypeVar
 
 from mixpinn.base.files import read_json, write_json
 from mixpinn.base.progress import console
-from mixpinn.base.rundir import finish_run, start_run
+from mixpinn.base.rundir import finish_run, run_scope, start_run
 from mixpinn.evaluation import Table, results_table
 from mixpinn.pipeline.config import RunConfig
 from mixpinn.stages.anatomy import AnatomyResult, make_anatomy
@@ -40,6 +40,7 @@ class _Clock:
         return result
 
 
+@run_scope()
 def run_pipeline(config: RunConfig, *, out: Path | str, threads: int | None = None) -> Path:
     """Run every stage into subfolders of `out`; a run begun there before continues.
 

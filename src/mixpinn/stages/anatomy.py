@@ -20,7 +20,7 @@ from mixpinn.anatomy.segmentation import Segmentation
 from mixpinn.anatomy.select import select_files
 from mixpinn.base.errors import InputError
 from mixpinn.base.files import read_json, write_json
-from mixpinn.base.rundir import RECORD, finish_run, is_finished, leave_run, start_run
+from mixpinn.base.rundir import RECORD, finish_run, is_finished, run_scope, start_run
 from mixpinn.records.label_map import LabelMap
 
 LABELS_FILE, FINDINGS_FILE, PICTURE_FILE = "labels.nii.gz", "findings.json", "labels.png"
@@ -94,6 +94,7 @@ class AnatomyResult:
     findings: tuple[Finding, ...]
 
 
+@run_scope()
 def make_anatomy(config: AnatomyConfig, *, out: Path | str | None = None) -> AnatomyResult:
     """Read or build an anatomy, crop it, check it, repair it on request, and place it in the world frame.
 
@@ -113,9 +114,7 @@ def make_anatomy(config: AnatomyConfig, *, out: Path | str | None = None) -> Ana
         start_run(out, "anatomy", config, inputs=inputs, seed=config.seed)
         if is_finished(out):
             with contextlib.suppress(InputError):  # a file that has since been lost or damaged is made anew
-                found = _load(out)
-                leave_run(out)
-                return found
+                return _load(out)
         result = _compute(config)
     else:
         result = _compute(config)

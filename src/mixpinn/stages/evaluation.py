@@ -7,7 +7,7 @@ from pathlib import Path
 
 from mixpinn.base.errors import InputError
 from mixpinn.base.files import hash_arrays
-from mixpinn.base.rundir import finish_run, is_finished, leave_run, start_run, versions
+from mixpinn.base.rundir import finish_run, is_finished, run_scope, start_run, versions
 from mixpinn.dataset import GenerationSummary, SimulationStore, Split, dataset_table, held_out_samples
 from mixpinn.evaluation import (
     Candidate,
@@ -77,6 +77,7 @@ class Background:
     provenance: Mapping[str, Mapping[str, str]] | None = None
 
 
+@run_scope()
 def evaluate_models(
     store: SimulationStore, table: SampleTable, split: Split, models: Sequence[Path | str], config: EvaluationConfig, *,
     out: Path | str, background: Background | None = None, materials: Sequence[Material] | None = None,
@@ -118,7 +119,6 @@ def evaluate_models(
         input_hashes={"mesh": mesh.hash(), "store": store.identity, "test samples": _identity(test)},
     )
     if begun and is_finished(out) and (out / REPORT).is_file():
-        leave_run(out)
         evaluations = [Evaluation.load(path) for path in sorted(out.glob("evaluation-*.json"))]
         return tuple(evaluations), out / REPORT
     candidates: list[Candidate] = [ZeroModel(mesh.n_points)]

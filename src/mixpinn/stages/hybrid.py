@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from mixpinn.base.files import hash_arrays
-from mixpinn.base.rundir import finish_run, is_finished, leave_run, start_run
+from mixpinn.base.rundir import finish_run, is_finished, run_scope, start_run
 from mixpinn.dataset import SimulationStore, Split
 from mixpinn.fem import ContactConfig, Material
 from mixpinn.fem.scene_record import JOINTS, refuse_joints
@@ -41,6 +41,7 @@ class HybridStageConfig:
     pose_samples: int = 2400
 
 
+@run_scope()
 def make_hybrid(
     store: SimulationStore, table: SampleTable, split: Split, config: HybridStageConfig, *, out: Path | str,
     materials: Sequence[Material] | None = None, held_out: str | None = None,
@@ -71,7 +72,6 @@ def make_hybrid(
         input_hashes={"mesh": mesh.hash(), "samples": hash_arrays(samples.train, samples.validation)},
     )
     if begun and is_finished(out) and (out / HYBRID_FILE).is_file():
-        leave_run(out)
         return HybridModel.load(out, mesh)
     prior = cached_prior(mesh, materials, touched=table.contact_nodes)
     model = fit_hybrid(

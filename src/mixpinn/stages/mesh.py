@@ -10,7 +10,7 @@ from mixpinn.base.errors import InputError
 from mixpinn.base.files import read_json, write_json, write_text
 from mixpinn.base.manifest import Artefact
 from mixpinn.base.progress import console, progress_bar
-from mixpinn.base.rundir import finish_run, is_finished, leave_run, start_run
+from mixpinn.base.rundir import finish_run, is_finished, run_scope, start_run
 from mixpinn.mesh.bisect import refine_to
 from mixpinn.mesh.cgal_mesher import CgalMesher
 from mixpinn.mesh.check_surface import check_surfaces
@@ -130,6 +130,7 @@ def make_mesher(name: Literal["auto", "cgal", "tetwild"]) -> Mesher:
     return TetwildMesher()
 
 
+@run_scope()
 def make_mesh(
     source: LabelMap | DomainSurfaces | Path | str, config: MeshConfig | None = None, *, out: Path | str | None = None,
 ) -> MeshResult:
@@ -156,7 +157,6 @@ def make_mesh(
     else:
         begun = start_run(out, "mesh", config, input_hashes={"source": source.hash()})
     if begun and is_finished(out):
-        leave_run(out)
         return MeshResult.load(out)
     result = _measure(*_build(source, config))
     result.mesh.save(out / MESH_FILE)

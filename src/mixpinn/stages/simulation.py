@@ -8,7 +8,7 @@ from typing import Literal
 from mixpinn.base.arrays import FloatArray
 from mixpinn.base.config import build_config
 from mixpinn.base.errors import InputError
-from mixpinn.base.rundir import finish_run, start_run
+from mixpinn.base.rundir import finish_run, run_scope, start_run
 from mixpinn.dataset import (
     ANATOMY,
     GenerationSummary,
@@ -226,6 +226,7 @@ def begin_simulations(
     return scene, store
 
 
+@run_scope()
 def make_simulations(
     mesh: TissueMesh, config: SimulationConfig, *, out: Path | str, scheduler: str | None = None,
     scene: Scene | None = None,

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from mixpinn.base.errors import InputError
-from mixpinn.base.rundir import finish_run, is_finished, leave_run, start_run
+from mixpinn.base.rundir import finish_run, is_finished, run_scope, start_run
 from mixpinn.dataset import SOFA_REPLAY, Pose, SimulationStore, probe_path, read_positions, summarise
 from mixpinn.interop import SofaConstants, SofaSettings, export_sofa_scene, import_sofa
 from mixpinn.records import TissueMesh
@@ -40,6 +40,7 @@ def export_sofa(mesh: TissueMesh, config: SimulationConfig, *, out: Path | str) 
     )
 
 
+@run_scope()
 def import_sofa_recordings(
     folder: Path | str, mesh: TissueMesh, constants: SofaConstants, *, positions: Path | str, out: Path | str,
 ) -> SimulationStore:
@@ -63,7 +64,6 @@ def import_sofa_recordings(
         inputs={"positions": positions, "recordings": folder}, input_hashes={"mesh": mesh.hash()},
     )
     if is_finished(out):
-        leave_run(out)
         return SimulationStore.open(out / STORE, mesh=mesh)
     simulations = {(s.position_index, s.rotation_deg): s for s in import_sofa(folder, mesh)}
     highest = max(index for index, _ in simulations)

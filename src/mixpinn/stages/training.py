@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from mixpinn.base.errors import InputError
-from mixpinn.base.rundir import finish_run, start_run
+from mixpinn.base.rundir import finish_run, run_scope, start_run
 from mixpinn.dataset import (
     ContactRule,
     PoseState,
@@ -159,6 +159,7 @@ def train_model(
     )
 
 
+@run_scope()
 def train_network(
     mesh: TissueMesh, table_train: SampleTable, table_validation: SampleTable, model: ModelConfig, config: TrainConfig,
     *, out: Path | str, inputs: Mapping[str, Path | str] | None = None, devices: int = 1,

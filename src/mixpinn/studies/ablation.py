@@ -14,7 +14,7 @@ from mixpinn.base.config import build_config
 from mixpinn.base.errors import InputError, MixpinnError
 from mixpinn.base.files import hash_arrays, read_json, write_json
 from mixpinn.base.progress import console
-from mixpinn.base.rundir import RECORD, finish_run, start_run
+from mixpinn.base.rundir import RECORD, finish_run, run_scope, start_run
 from mixpinn.dataset import SimulationStore, Split
 from mixpinn.evaluation import ZeroModel
 from mixpinn.fem.scene_record import JOINTS, refuse_joints
@@ -35,6 +35,7 @@ BASELINES = ("No motion", "Elastic prior")
 """The two rows of every table that need no training."""
 
 
+@run_scope()
 def run_ablation(
     source: Path | str, config: AblationConfig, *, out: Path | str, workers: int = 0, threads: int = 1,
     scheduler: str | None = None, devices: int = 1, tables_only: bool = False,

@@ -11,7 +11,7 @@ import numpy as np
 from mixpinn.base.errors import InputError
 from mixpinn.base.files import read_json, write_json, write_text
 from mixpinn.base.progress import console, track
-from mixpinn.base.rundir import finish_run, start_run
+from mixpinn.base.rundir import finish_run, run_scope, start_run
 from mixpinn.dataset import ANATOMY, Protocol, probe_path, table_of
 from mixpinn.evaluation import save_figure
 from mixpinn.fem import PoseSimulator
@@ -62,6 +62,7 @@ class ProfileConfig:
                 raise InputError(name, expected="at least 1", got=str(getattr(self, name)), fix="correct the setting")
 
 
+@run_scope()
 def run_profile(meshes: Mapping[str, TissueMesh], config: ProfileConfig, *, out: Path | str) -> tuple[Timing, ...]:
     """Measure every method on every mesh; what is measured is kept if the command is stopped.
 
