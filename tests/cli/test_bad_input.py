@@ -365,7 +365,7 @@ class TestModel:
         mesh.point_data["part"][:] = 0
         mesh.save(model / "mesh.vtu")
         reseal(model)
-        refuses(model, ["a model of mesh", "choose the model"])
+        refuses(model, ["a model of linear tetrahedra", "choose the model"])
 
     def test_dataset_of_another_mesh(self, chain, model, refuses, tmp_path):
         store = tmp_path / "s"

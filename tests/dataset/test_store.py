@@ -8,6 +8,8 @@ from dataset.dataset_fakes import SHORT, FakeScene, block, fake_simulation, fill
 from mixpinn.base.errors import InputError
 from mixpinn.dataset import PoseState, SimulationStore, build_sample_table, list_poses, probe_path
 from mixpinn.dataset.store import STORE
+from mixpinn.records import SampleTable
+from mixpinn.records.answer import discretisation_of
 
 
 @pytest.fixture
@@ -46,13 +48,34 @@ def test_create_goes_on_with_its_own_store_only(tmp_path, scene):
     assert short_store(tmp_path, scene).poses
     with pytest.raises(InputError, match="protocol"):
         short_store(tmp_path, scene, protocol=replace(SHORT, steps=7))
-    with pytest.raises(InputError, match="mesh_hash"):
+    with pytest.raises(InputError, match=r"mesh_hash.*linear tetrahedra, 27 nodes.* instead of linear tetrahedra, 64"):
         short_store(tmp_path, FakeScene(block(4)))
+
+
+def test_a_store_and_its_table_name_their_discretisation(tmp_path, scene):
+    store = filled_store(tmp_path, scene)
+    assert json.loads((tmp_path / "store.json").read_text())["discretisation"] == discretisation_of(scene.mesh)
+    assert SimulationStore.open(tmp_path).discretisation == discretisation_of(scene.mesh)
+    table = build_sample_table(store)
+    table.save(tmp_path / "samples")
+    loaded = SampleTable.load(tmp_path / "samples").select(np.array([0]))
+    assert loaded.made_on == table.made_on == discretisation_of(scene.mesh)
+
+
+def test_the_record_of_an_older_version_names_its_mesh(tmp_path, scene):
+    store = short_store(tmp_path, scene)
+    record = json.loads((tmp_path / "store.json").read_text())
+    del record["discretisation"]
+    (tmp_path / "store.json").write_text(json.dumps(record))
+    STORE.seal(tmp_path, ["store.json", "mesh.vtu"])
+    again = SimulationStore.open(tmp_path)
+    assert again.discretisation == f"mesh {scene.mesh.hash()}"
+    assert again.identity == store.identity
 
 
 def test_store_of_another_mesh_is_refused(tmp_path, scene):
     store = short_store(tmp_path, scene)
-    with pytest.raises(InputError, match="simulations of the mesh"):
+    with pytest.raises(InputError, match=r"simulations of linear tetrahedra, 64 nodes.*those of linear tetrahedra, 27"):
         SimulationStore.open(tmp_path, mesh=block(4))
     pose = store.poses[0]
     with pytest.raises(InputError, match="on the mesh"):

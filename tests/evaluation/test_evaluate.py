@@ -114,5 +114,5 @@ def test_foreign_or_missing_samples_are_refused(table: SampleTable, two_cells: T
         2.0 * two_cells.points, two_cells.cells, two_cells.part, two_cells.fixed, two_cells.rigid_names,
         two_cells.tissue,
     )
-    with pytest.raises(InputError, match="samples of mesh"):
+    with pytest.raises(InputError, match="samples of linear tetrahedra"):
         evaluate(ZeroModel(two_cells.n_points), table, moved, split="test")

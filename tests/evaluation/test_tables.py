@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from mixpinn.base.errors import InputError
 from mixpinn.dataset import DatasetTable
 from mixpinn.evaluation import (
     AS_PUBLISHED,
@@ -38,6 +39,15 @@ def test_as_published_takes_the_second_set_where_it_exists(evaluations: tuple[Ev
     assert rows[2][1] == 9.0
     assert rows[1][1] == pytest.approx(evaluations[1].metrics["mee"].mean())
     assert results_table(evaluations).rows[2][1] == pytest.approx(0.75)
+
+
+def test_results_name_the_discretisation_and_do_not_mix_two(evaluations: tuple[Evaluation, ...]) -> None:
+    for evaluation in evaluations:
+        evaluation.notes["discretisation"] = "linear tetrahedra, 8 nodes, mesh abc"
+    assert "All on linear tetrahedra, 8 nodes, mesh abc." in results_table(evaluations).note
+    evaluations[1].notes["discretisation"] = "quadratic tetrahedra, 27 nodes, mesh def"
+    with pytest.raises(InputError, match=r"one discretisation, got .* linear .* quadratic"):
+        results_table(evaluations)
 
 
 def test_missing_metrics_are_gaps(evaluations: tuple[Evaluation, ...]) -> None:

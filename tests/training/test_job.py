@@ -14,7 +14,7 @@ from training.toy_block import TINY, block_mesh
 
 
 def test_samples_of_another_mesh_or_none_are_refused(mesh: TissueMesh, table: SampleTable) -> None:
-    with pytest.raises(InputError, match="training samples: expected samples of mesh"):
+    with pytest.raises(InputError, match="training samples: expected samples of linear tetrahedra"):
         TrainingJob(TINY, TrainingSettings(), block_mesh(1.0), table, table, Path("out"))
     none = table.select(np.array([], dtype=np.int64))
     with pytest.raises(InputError, match="validation samples: expected at least one sample"):

@@ -15,6 +15,7 @@ from mixpinn.dataset.store import SimulationStore
 from mixpinn.dataset.summary import SUMMARY, GenerationSummary, summarise
 from mixpinn.dataset.worker import Runner
 from mixpinn.records import TissueMesh
+from mixpinn.records.answer import discretisation_of
 
 
 def fem_runner() -> Runner:
@@ -118,8 +119,8 @@ def _check(scene: Any, poses: Sequence[Pose], store: SimulationStore, workers: i
     mesh = getattr(scene, "mesh", None)
     if isinstance(mesh, TissueMesh) and mesh.hash() != store.mesh_hash:
         raise InputError(
-            str(store.folder), expected=f"a store of the scene's mesh {mesh.hash()}", got=f"one of {store.mesh_hash}",
-            fix="choose another folder",
+            str(store.folder), expected=f"a store of the scene's {discretisation_of(mesh)}",
+            got=f"one of {store.discretisation}", fix="choose another folder",
         )
     known = set(store.poses)
     foreign = [pose.name for pose in poses if pose not in known]

@@ -44,7 +44,7 @@ class _Columns:
             self.nodes.append(nodes.astype(np.int64))
             self.forces.append(forces.astype(np.float64))
 
-    def table(self, mesh_hash: str, displacement: AnyArray) -> SampleTable:
+    def table(self, mesh_hash: str, displacement: AnyArray, *, discretisation: str = "") -> SampleTable:
         counts = [len(nodes) for nodes in self.nodes]
 
         def join(parts: list[AnyArray], *shape: int) -> AnyArray:
@@ -54,7 +54,7 @@ class _Columns:
             mesh_hash, join(self.position).astype(np.int64), join(self.rotation), join(self.depth),
             join(self.translation, 3), join(self.turn, 3, 3),
             np.concatenate([[0], np.cumsum(counts)]).astype(np.int64), join(self.nodes).astype(np.int64),
-            join(self.forces, 3), join(self.wrench, 6), displacement,
+            join(self.forces, 3), join(self.wrench, 6), displacement, discretisation=discretisation,
         )
 
 
@@ -126,7 +126,7 @@ def build_sample_table(
     if memory_map is None:
         displacement = np.empty((total, n_nodes, 3), dtype=np.float32)
         fill(displacement)
-        return columns.table(store.mesh_hash, displacement)
+        return columns.table(store.mesh_hash, displacement, discretisation=store.discretisation)
     path = Path(memory_map)
     _check_room(path, total * n_nodes * 12)
     with atomic_path(path) as temporary:
@@ -134,7 +134,8 @@ def build_sample_table(
         fill(mapped)
         mapped.flush()
         del mapped
-    return columns.table(store.mesh_hash, np.load(path, mmap_mode="r", allow_pickle=False))
+    saved = np.load(path, mmap_mode="r", allow_pickle=False)
+    return columns.table(store.mesh_hash, saved, discretisation=store.discretisation)
 
 
 def _check_room(path: Path, size: int) -> None:

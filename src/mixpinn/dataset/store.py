@@ -20,6 +20,7 @@ from mixpinn.fem.material.hyperelastic import Material
 from mixpinn.fem.rigid.joints import Joint
 from mixpinn.fem.scene_record import recorded_contact, recorded_joints, recorded_materials, scene_hash
 from mixpinn.records import MESH_FILE, Probe, Simulation, TissueMesh
+from mixpinn.records.answer import discretisation_of
 
 RECORD = "store.json"
 PROBE = "probe.stl"
@@ -37,13 +38,14 @@ class _Record:
     positions: tuple[tuple[float, float, float], ...]
     poses: tuple[Pose, ...]
     scene: dict[str, Any]
+    discretisation: str = ""
 
 
 @dataclass(frozen=True, eq=False)
 class SimulationStore:
     """A folder of simulations::
 
-        store.json              mesh hash, protocol, positions, poses, scene
+        store.json              mesh hash and discretisation, protocol, positions, poses, scene
         mesh.vtu                the mesh
         probe.stl               the probe, where it is known
         manifest.json           sizes and hashes of these three
@@ -61,6 +63,7 @@ class SimulationStore:
         positions: listed probe positions [mm], shape (p, 3).
         poses: all that belong to it, in order.
         scene: what else the results depend on (materials, contact, solver, probe): `mixpinn.fem.scene_record`.
+        discretisation: elements and mesh in words (`mixpinn.records.answer.discretisation_of`).
     """
 
     folder: Path
@@ -69,6 +72,7 @@ class SimulationStore:
     positions: FloatArray
     poses: tuple[Pose, ...]
     scene: Mapping[str, Any]
+    discretisation: str
 
     @staticmethod
     def create(
@@ -88,22 +92,25 @@ class SimulationStore:
             )
         store = SimulationStore(
             folder, mesh.hash(), protocol, np.asarray(positions, dtype=np.float64), tuple(poses), dict(scene or {}),
+            discretisation_of(mesh),
         )
         record = store._record()
         if (folder / RECORD).exists():
             before = read_json(folder / RECORD)
             changed = [key for key, value in record.items() if before.get(key) != value]
             if changed:
+                meshes = f" (of {_made_on(before)} instead of {discretisation_of(mesh)})"
+                other = meshes if "mesh_hash" in changed else ""
                 raise InputError(
                     str(folder), expected="an empty folder or a store begun with the same settings",
-                    got=f"a store with other {', '.join(changed)}",
+                    got=f"a store with other {', '.join(changed)}{other}",
                     fix="choose another folder or delete this one",
                 )
             return store
         mesh.save(folder / MESH_FILE)
         if probe is not None:
             probe.save(folder / PROBE)
-        write_json(folder / RECORD, record)
+        write_json(folder / RECORD, {**record, "discretisation": store.discretisation})
         STORE.seal(folder, [RECORD, MESH_FILE, *([] if probe is None else [PROBE])])
         return store
 
@@ -127,10 +134,13 @@ class SimulationStore:
         STORE.check(folder, RECORD)
         record = load_record(_Record, folder / RECORD, remake=STORE.remake)
         positions = np.array(record.positions, dtype=np.float64).reshape(-1, 3)
-        store = SimulationStore(folder, record.mesh_hash, record.protocol, positions, record.poses, record.scene)
+        store = SimulationStore(
+            folder, record.mesh_hash, record.protocol, positions, record.poses, record.scene, _made_on(asdict(record)),
+        )
         if mesh is not None and mesh.hash() != store.mesh_hash:
             raise InputError(
-                str(folder), expected=f"simulations of the mesh {mesh.hash()}", got=f"those of {store.mesh_hash}",
+                str(folder), expected=f"simulations of {discretisation_of(mesh)}",
+                got=f"those of {store.discretisation}",
                 fix=f"use the mesh that the store was made with (its {MESH_FILE})",
             )
         return store
@@ -291,3 +301,8 @@ class SimulationStore:
             "poses": [{**asdict(pose), "position": list(pose.position)} for pose in self.poses],
             "scene": dict(self.scene),
         }
+
+
+def _made_on(record: Mapping[str, Any]) -> str:
+    """Discretisation of a store from its record, or its mesh alone where no more is known."""
+    return str(record.get("discretisation") or f"mesh {record.get('mesh_hash')}")

@@ -19,6 +19,7 @@ from mixpinn.evaluation.metrics import (
     virtual_reference,
 )
 from mixpinn.records import Evaluation, SampleTable, TissueMesh
+from mixpinn.records.answer import discretisation_of
 
 
 @runtime_checkable
@@ -95,7 +96,8 @@ def evaluate(
         raise InputError(f"split {split}", expected="at least one sample", got="none", fix="simulate more positions")
     if table.mesh_hash != mesh.hash():
         raise InputError(
-            f"samples of split {split}", expected=f"samples of mesh {mesh.hash()}", got=f"mesh {table.mesh_hash}",
+            f"samples of split {split}", expected=f"samples of {discretisation_of(mesh)}",
+            got=f"those of {table.made_on}",
             fix="evaluate on the mesh that was simulated",
         )
     geometry = MetricGeometry.of(mesh)
@@ -127,7 +129,10 @@ def evaluate(
             "depth": table.depth.astype(np.float64),
         },
         by_part={name: np.array(value) for name, value in parts.items()}, seconds=seconds,
-        notes={"mesh": table.mesh_hash, "threads": torch.get_num_threads(), **(notes or {})},
+        notes={
+            "mesh": table.mesh_hash, "discretisation": discretisation_of(mesh), "threads": torch.get_num_threads(),
+            **(notes or {}),
+        },
     )
 
 

@@ -44,6 +44,7 @@ class ReportContent:
         title: of the page.
         evaluations: one a model, all on the same samples; `ZeroModel`'s is what the headline compares with.
         introduction: a paragraph on what was done, in plain words.
+        discretisation: elements and mesh of the simulations, which every error refers to.
         mesh: statistics of the mesh (`mesh_table`).
         dataset: statistics of the samples (`dataset_counts_table`).
         setup: tables on what was simulated and how well: mesh quality, fidelity to the label map, convergence.
@@ -62,6 +63,7 @@ class ReportContent:
     title: str
     evaluations: tuple[Evaluation, ...]
     introduction: str = ""
+    discretisation: str = ""
     mesh: Table | None = None
     dataset: Table | None = None
     setup: tuple[Table, ...] = ()

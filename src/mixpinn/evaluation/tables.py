@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mixpinn.base.errors import InputError
 from mixpinn.evaluation.metrics import AS_PUBLISHED, SOFT, part_label
 from mixpinn.evaluation.paper import (
     PAPER_ABLATION,
@@ -36,6 +37,9 @@ def results_table(evaluations: Sequence[Evaluation], *, with_paper: bool = True,
         evaluations: one a model, on the same samples.
         with_paper: append the paper's rows, muted.
         as_published: count virtual nodes and edges as the paper's figures do; models without them stay as they are.
+
+    Raises:
+        InputError: evaluations on several discretisations.
     """
     rows: list[tuple[Cell, ...]] = []
     for evaluation in evaluations:
@@ -50,12 +54,26 @@ def results_table(evaluations: Sequence[Evaluation], *, with_paper: bool = True,
     if with_paper:
         rows += [(f"{result.model} (paper)", *_figures(result)) for result in PAPER_RESULTS]
     note = "Mean over samples; MAE and MSE per component; REE over edges inside rigid parts."
+    note += _discretisation_note(evaluations)
     if as_published:
         note += " Virtual nodes and edges are counted, as in the paper's figures."
     if with_paper:
         note += " Rows marked (paper) are quoted: other samples, training and machine, so no like-for-like comparison."
     title = "Models compared, as published" if as_published else "Models compared"
     return Table(title, ("Model", *METRIC_LABELS.values()), tuple(rows), note, frozenset(range(measured, len(rows))))
+
+
+def _discretisation_note(evaluations: Sequence[Evaluation]) -> str:
+    """What all errors of a table refer to; nothing where it was not recorded."""
+    found = {evaluation.notes["discretisation"]: evaluation.model for evaluation in evaluations
+             if evaluation.notes.get("discretisation")}
+    if len(found) > 1:
+        (first, model), (second, other) = list(found.items())[:2]
+        raise InputError(
+            "results", expected="evaluations on one discretisation",
+            got=f"{model} on {first} and {other} on {second}", fix="make a table for each",
+        )
+    return "".join(f" All on {name}." for name in found)
 
 
 def spread_table(evaluations: Sequence[Evaluation], *, generator: np.random.Generator) -> Table:

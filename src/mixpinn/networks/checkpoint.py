@@ -16,6 +16,7 @@ from mixpinn.networks.config import MODELS, ModelConfig
 from mixpinn.networks.displacement_model import DisplacementModel, build_graph_for, build_model
 from mixpinn.networks.tensor_file import read_tensors, write_tensors
 from mixpinn.records import MESH_FILE, TissueMesh
+from mixpinn.records.answer import discretisation_of
 
 _versions = cache(versions)
 MODEL_FILE, WEIGHTS_FILE = "model.json", "weights.safetensors"
@@ -43,14 +44,14 @@ def save_checkpoint(
     if not same_mesh:
         mesh.save(folder / MESH_FILE)
     write_tensors(folder / WEIGHTS_FILE, model.state_dict(), about={"mesh_hash": mesh_hash})
-    describe_training(folder, config, mesh_hash, training or {})
+    describe_training(folder, config, mesh, training or {})
 
 
-def describe_training(folder: Path | str, config: ModelConfig, mesh_hash: str, training: Mapping[str, Any]) -> None:
+def describe_training(folder: Path | str, config: ModelConfig, mesh: TissueMesh, training: Mapping[str, Any]) -> None:
     """Write ``model.json`` alone: the weights stay, what is said about their training changes."""
     write_json(Path(folder) / MODEL_FILE, {
-        "format": _FORMAT, "config": asdict(config), "mesh_hash": mesh_hash, "training": dict(training),
-        "versions": _versions(),
+        "format": _FORMAT, "config": asdict(config), "mesh_hash": mesh.hash(),
+        "discretisation": discretisation_of(mesh), "training": dict(training), "versions": _versions(),
     })
     NETWORK.seal(folder, [name for name in (WEIGHTS_FILE, MODEL_FILE, MESH_FILE) if (Path(folder) / name).is_file()])
 
@@ -95,8 +96,9 @@ def load_checkpoint(
     mesh = mesh or load_network_mesh(folder)
     if mesh.hash() != description["mesh_hash"]:
         raise InputError(
-            str(folder), expected=f"a model of mesh {mesh.hash()} ({mesh.n_points} nodes)",
-            got=f"one of mesh {description['mesh_hash']}", fix="train on this mesh or choose the model that was",
+            str(folder), expected=f"a model of {discretisation_of(mesh)}",
+            got=f"one of {description.get('discretisation') or 'mesh ' + description['mesh_hash']}",
+            fix="train on this mesh or choose the model that was",
         )
     NETWORK.check(folder, WEIGHTS_FILE)
     tensors, _ = read_tensors(folder / WEIGHTS_FILE)

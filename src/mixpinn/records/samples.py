@@ -29,6 +29,7 @@ class _About:
 
     mesh_hash: str
     samples: int
+    discretisation: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,6 +68,7 @@ class SampleTable:
         displacement: of every mesh node [mm], float32, shape (N, n, 3); may be memory-mapped.
         contact_error: by how much the contact displacement that a model is told differs from the true one [mm], shape
             (c, 3); None where a model is told the truth.
+        discretisation: elements and mesh in words; empty where an older version wrote the table.
     """
 
     mesh_hash: str
@@ -81,6 +83,12 @@ class SampleTable:
     probe_wrench: FloatArray
     displacement: Float32Array
     contact_error: FloatArray | None = None
+    discretisation: str = ""
+
+    @property
+    def made_on(self) -> str:
+        """The discretisation, or the mesh alone where no more is known."""
+        return self.discretisation or f"mesh {self.mesh_hash}"
 
     def __len__(self) -> int:
         return len(self.depth)
@@ -109,7 +117,7 @@ class SampleTable:
             self.probe_translation[index], self.probe_rotation[index],
             np.concatenate([[0], np.cumsum(counts)]), self.contact_nodes[entries], self.contact_forces[entries],
             self.probe_wrench[index], self.displacement[index],
-            None if self.contact_error is None else self.contact_error[entries],
+            None if self.contact_error is None else self.contact_error[entries], self.discretisation,
         )
 
     def on_vertices(self, n_points: int) -> "SampleTable":
@@ -158,7 +166,9 @@ class SampleTable:
                 value = getattr(self, field.name)
                 if isinstance(value, np.ndarray):
                     np.save(temporary / f"{field.name}.npy", value, allow_pickle=False)
-            write_json(temporary / _ABOUT, {"mesh_hash": self.mesh_hash, "samples": len(self)})
+            write_json(temporary / _ABOUT, {
+                "mesh_hash": self.mesh_hash, "samples": len(self), "discretisation": self.discretisation,
+            })
 
     @staticmethod
     def load(folder: Path | str) -> "SampleTable":
@@ -183,4 +193,4 @@ class SampleTable:
                 str(Path(folder) / "contact_nodes.npy"), expected=f"nodes below {arrays['displacement'].shape[1]}",
                 got=str(nodes.max()), fix=_REMAKE,
             )
-        return SampleTable(mesh_hash=about.mesh_hash, **arrays)
+        return SampleTable(mesh_hash=about.mesh_hash, discretisation=about.discretisation, **arrays)

@@ -12,6 +12,7 @@ from mixpinn.base.errors import InputError
 from mixpinn.base.progress import track
 from mixpinn.fem import ElasticSystem, Material, default_solver
 from mixpinn.records import SampleTable
+from mixpinn.records.answer import discretisation_of
 from mixpinn.reduced.equilibrium import Equilibrium
 from mixpinn.reduced.error_estimate import ErrorEstimate, Signs
 from mixpinn.reduced.hybrid import HybridModel, features
@@ -156,7 +157,7 @@ def fit_hybrid(
     for table in (train, validation):
         if table.mesh_hash != prior.mesh.hash():
             raise InputError(
-                "samples", expected=f"samples of mesh {prior.mesh.hash()}", got=f"of mesh {table.mesh_hash}",
+                "samples", expected=f"samples of {discretisation_of(prior.mesh)}", got=f"those of {table.made_on}",
                 fix="build the prior on the mesh of the simulations",
             )
     prepared = prepare_samples(prior, Equilibrium.of_materials(prior.mesh, materials), train)

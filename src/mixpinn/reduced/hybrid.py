@@ -23,6 +23,7 @@ from mixpinn.base.manifest import Artefact
 from mixpinn.base.tensor_file import read_arrays, write_arrays
 from mixpinn.base.validated import load_record
 from mixpinn.records import MESH_FILE, TissueMesh
+from mixpinn.records.answer import discretisation_of
 from mixpinn.reduced.equilibrium import Equilibrium
 from mixpinn.reduced.error_estimate import ErrorEstimate, Signs
 from mixpinn.reduced.modal_newton import ModalNewton
@@ -53,6 +54,7 @@ class _About:
     name: str
     about: dict[str, Any]
     error: dict[str, Any] | None
+    discretisation: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,6 +164,7 @@ class HybridModel:
             "format": _FORMAT, "mesh_hash": self.mesh.hash(), "mu": self.newton.equilibrium.mu,
             "lam": self.newton.equilibrium.lam, "name": self.name, "about": self.about,
             "error": self.error.as_dict() if self.error is not None else None,
+            "discretisation": discretisation_of(self.mesh),
         })
         mesh = [MESH_FILE] if (folder / MESH_FILE).is_file() else []
         BUNDLE.seal(folder, [HYBRID_FILE, _TENSORS, _PRIOR_MANIFEST, *mesh])
@@ -176,6 +179,11 @@ class HybridModel:
         folder = Path(folder)
         BUNDLE.check(folder, HYBRID_FILE, _TENSORS, _PRIOR_MANIFEST)
         values = load_record(_About, folder / HYBRID_FILE, remake=BUNDLE.remake)
+        if values.mesh_hash != mesh.hash():
+            raise InputError(
+                str(folder), expected=f"a model of {discretisation_of(mesh)}",
+                got=f"one of {values.discretisation or f'mesh {values.mesh_hash}'}", fix="fit it on this mesh",
+            )
         prior = ElasticPrior.load(folder / PRIOR_FOLDER, mesh)
         arrays, _ = read_arrays(folder / _TENSORS)
         try:

@@ -26,6 +26,7 @@ from mixpinn.evaluation import (
 from mixpinn.fem import Material
 from mixpinn.fem.scene_record import BUILT_IN, JOINTS, refuse_joints
 from mixpinn.records import Evaluation, SampleTable, TissueMesh
+from mixpinn.records.answer import discretisation_of
 from mixpinn.reduced.newton_steps import NewtonSteps
 from mixpinn.serving import AnyPredictor, HybridPredictor, Predictor, load_predictor
 from mixpinn.stages.prior import cached_prior
@@ -145,6 +146,7 @@ def evaluate_models(
     histories = {Path(folder) / "history.csv": candidates[-len(models) + i].name for i, folder in enumerate(models)}
     report = write_report(out, ReportContent(
         title=background.title, evaluations=tuple(evaluations), introduction=background.introduction,
+        discretisation=store.discretisation,
         mesh=mesh_table(mesh, with_paper=config.with_paper),
         dataset=dataset_counts_table(dataset_table(table, split), with_paper=config.with_paper),
         setup=background.setup, protocol=_protocol(store, mesh.tissue_names), pictures=pictures, picture_note=note,
@@ -173,7 +175,8 @@ def _load(folder: Path | str, mesh: TissueMesh, threads: int | None) -> AnyPredi
     predictor.name = TITLES.get(predictor.name, predictor.name)
     if predictor.mesh_hash != mesh.hash():
         raise InputError(
-            str(folder), expected=f"a model of mesh {mesh.hash()}", got=f"one of mesh {predictor.mesh_hash}",
+            str(folder), expected=f"a model of {discretisation_of(mesh)}",
+            got=f"one of {discretisation_of(predictor.mesh)}",
             fix="train on this store, or evaluate on the store that the model was trained on",
         )
     return predictor

@@ -12,6 +12,7 @@ from mixpinn.base.errors import InputError
 from mixpinn.base.files import hash_arrays
 from mixpinn.networks import ModelConfig
 from mixpinn.records import SampleTable, TissueMesh
+from mixpinn.records.answer import discretisation_of
 from mixpinn.training.config import TrainingSettings
 from mixpinn.training.history import EpochRecord, StopReason
 
@@ -47,7 +48,7 @@ class TrainingJob:
         for name, table in (("training samples", self.table_train), ("validation samples", self.table_validation)):
             if table.mesh_hash != mesh_hash:
                 raise InputError(
-                    name, expected=f"samples of mesh {mesh_hash}", got=f"samples of mesh {table.mesh_hash}",
+                    name, expected=f"samples of {discretisation_of(self.mesh)}", got=f"those of {table.made_on}",
                     fix="train on the mesh that was simulated",
                 )
             if len(table) == 0:

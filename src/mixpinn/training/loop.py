@@ -159,7 +159,7 @@ def _run(fabric: "Fabric", job: TrainingJob) -> StopReason:
                     log.add(record)
         if leads:
             write_history(job.folder, history)
-            describe_training(job.folder, job.model_config, job.mesh.hash(), job.summary(history, reason))
+            describe_training(job.folder, job.model_config, job.mesh, job.summary(history, reason))
         fabric.barrier()
     return reason
 
