@@ -7,6 +7,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from mixpinn.base.errors import InputError
+from mixpinn.base.tensor_file import read_arrays, write_arrays
 from mixpinn.evaluation import MetricGeometry, rigid_edge_error
 from mixpinn.fem import PoseSimulator, Scene, SuperLUSolver
 from mixpinn.geometry.probe_shapes import spherical_probe
@@ -18,7 +19,7 @@ from mixpinn.press.model import PoseModel, Uncorrected
 from mixpinn.press.records import ContactHistory, ContactPrediction, ProbeGeometry
 from mixpinn.records import ProbePath
 from mixpinn.reduced.equilibrium import Equilibrium
-from mixpinn.reduced.hybrid import HybridModel
+from mixpinn.reduced.hybrid import BUNDLE, HybridModel
 from mixpinn.reduced.modal_newton import ModalNewton
 from mixpinn.reduced.prior import ElasticPrior
 from mixpinn.reduced.quadratic_features import quadratic_features
@@ -188,6 +189,35 @@ def test_files_keep_a_model_and_refuse_a_damaged_one(model, tmp_path) -> None:
         load_pose_model(tmp_path, fitted.hybrid)
     with pytest.raises(InputError):
         load_pose_model(tmp_path / "absent", fitted.hybrid)
+
+
+NAN = float("nan")
+
+
+@pytest.mark.parametrize(("change", "named"), [
+    (lambda arrays, about: about.update(steps=10**9), "steps"),
+    (lambda arrays, about: about.pop("domain"), "domain"),
+    (lambda arrays, about: about["domain"].update(deepest=NAN), "finite"),
+    (lambda arrays, about: about["contact"].update(gap="2"), "gap"),
+    (lambda arrays, about: about.update(spacings=[0.0, 0.75]), "spacings"),
+    (lambda arrays, about: about.update(spacings=[0.75] * 3), "complete pose model"),
+    (lambda arrays, about: about.update(mesh_hash="another"), "pose model of mesh"),
+    (lambda arrays, about: arrays.update({"probe1.origin": np.zeros(2)}), "origin"),
+    (lambda arrays, about: arrays.update({"probe0.coefficients": np.full((4, 4, 4), NAN)}), "coefficients"),
+    (lambda arrays, about: arrays["probe0.triangles"].__setitem__((0, 0), 10**6), "triangles"),
+    (lambda arrays, about: about.update(corrected=True), "correction"),
+])
+def test_a_damaged_setting_or_array_is_refused(model, tmp_path, change, named) -> None:
+    save_pose_model(model, tmp_path)
+    arrays, about = read_arrays(tmp_path / POSE_FILE)
+    arrays = {name: np.array(array) for name, array in arrays.items()}
+    change(arrays, about)
+    write_arrays(tmp_path / POSE_FILE, arrays, about=about)
+    BUNDLE.seal(tmp_path, [POSE_FILE])
+    with pytest.raises(InputError, match=named) as caught:
+        load_pose_model(tmp_path, model.hybrid)
+    assert POSE_FILE in str(caught.value)
+    assert "\n" not in str(caught.value)
 
 
 def test_a_shift_of_the_skin_never_exceeds_a_part_of_the_linear_answer(model) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 
 from mixpinn.base.errors import InputError
 from mixpinn.base.files import read_json, write_json
+from mixpinn.base.validated import checked_record
 from mixpinn.dataset.status import PoseState, PoseStatus
 from mixpinn.dataset.store import SimulationStore
 from mixpinn.fem.elements.jacobians import smallest_jacobians
@@ -119,13 +120,19 @@ def list_inverted(store: SimulationStore, statuses: Sequence[PoseStatus]) -> tup
     return tuple(InvertedCell.of_json(cell) for entry in entries.values() for cell in entry["cells"])
 
 
+@dataclass(frozen=True)
+class _Kept:
+    """What ``inverted.json`` keeps of a pose."""
+
+    hash: str
+    cells: tuple[InvertedCell, ...]
+
+
 def _known(path: Path) -> dict[str, Any]:
     """What an earlier call kept; nothing where that is absent or damaged."""
     try:
         kept: dict[str, Any] = read_json(path) if path.is_file() else {}
-        for entry in kept.values():
-            entry["cells"] = [asdict(InvertedCell.of_json(cell)) for cell in entry["cells"]]
-            entry["hash"] = str(entry["hash"])
-    except (InputError, AttributeError, KeyError, TypeError):
+        checked_record(dict[str, _Kept], kept, str(path), remake="delete it: the cells are sought again")
+    except InputError:
         return {}
     return kept

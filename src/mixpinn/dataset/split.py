@@ -2,12 +2,18 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
+from pydantic import Field
 
 from mixpinn.base.arrays import AnyArray, IntArray
 from mixpinn.base.errors import InputError
 from mixpinn.base.files import read_json, write_json
+from mixpinn.base.validated import checked_record
+
+_Position = Annotated[int, Field(ge=0, lt=2**31)]
+"""Index of a probe position."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,16 +62,18 @@ class Split:
         Raises:
             InputError: absent, of another layout, or parts that overlap.
         """
-        values = read_json(path)
-        try:
-            validation = values["validation"] if "validation" in values else values["val"]
-            parts = [np.array(part, dtype=np.int64) for part in (values["train"], validation, values["test"])]
-        except (KeyError, TypeError, ValueError) as error:
+        values, remake = read_json(path), "write the split again"
+        if not isinstance(values, dict):
             raise InputError(
-                str(path), expected="lists of position indices 'train', 'validation' and 'test'", got=repr(error),
-                fix="write the split again",
-            ) from error
-        return Split(str(values.get("name", Path(path).stem)), *parts)
+                str(path), expected="lists of position indices 'train', 'validation' and 'test'",
+                got=f"a {type(values).__name__}", fix=remake,
+            )
+        given = {"train": values.get("train"), "validation": values.get("validation", values.get("val")),
+                 "test": values.get("test")}
+        parts = checked_record(dict[str, list[_Position]], given, str(path), remake=remake)
+        return Split(
+            str(values.get("name", Path(path).stem)), *(np.array(part, dtype=np.int64) for part in parts.values()),
+        )
 
 
 def split_positions(

@@ -1,16 +1,16 @@
 """Model folders: a trained network with its configuration, its mesh and how it was trained."""
 
 from collections.abc import Mapping
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
 
-from mixpinn.base.config import build_config
 from mixpinn.base.errors import InputError
 from mixpinn.base.files import read_json, write_json
 from mixpinn.base.manifest import Artefact
 from mixpinn.base.rundir import versions
+from mixpinn.base.validated import checked_record
 from mixpinn.graph import MeshGraph
 from mixpinn.networks.config import MODELS, ModelConfig
 from mixpinn.networks.displacement_model import DisplacementModel, build_graph_for, build_model
@@ -22,6 +22,18 @@ _versions = cache(versions)
 MODEL_FILE, WEIGHTS_FILE = "model.json", "weights.safetensors"
 NETWORK = Artefact("trained network", 1, "train the model again, or copy its folder again")
 _FORMAT = 1
+
+
+@dataclass(frozen=True)
+class _Description:
+    """What ``model.json`` holds."""
+
+    format: int
+    config: dict[str, Any]
+    mesh_hash: str
+    training: dict[str, Any]
+    versions: dict[str, str]
+    discretisation: str = ""
 
 
 def save_checkpoint(
@@ -65,13 +77,12 @@ def read_description(folder: Path | str) -> dict[str, Any]:
     path = Path(folder) / MODEL_FILE
     NETWORK.check(folder, MODEL_FILE)
     values = read_json(path)
-    if not isinstance(values, dict) or values.get("format") != _FORMAT or \
-            not isinstance(values.get("config"), dict) or not isinstance(values.get("mesh_hash"), str):
+    if not isinstance(values, dict) or values.get("format") != _FORMAT:
         raise InputError(
             str(path), expected=f"a model description of format {_FORMAT}", got="something else",
             fix="give the folder that 'mixpinn train' wrote",
         )
-    return values
+    return asdict(checked_record(_Description, values, str(path), remake=NETWORK.remake))
 
 
 def load_checkpoint(
@@ -92,12 +103,13 @@ def load_checkpoint(
     """
     folder = Path(folder)
     description = read_description(folder)
-    config = build_config(ModelConfig, description["config"])
+    where = f"{folder / MODEL_FILE}: config"
+    config = checked_record(ModelConfig, description["config"], where, remake=NETWORK.remake)
     mesh = mesh or load_network_mesh(folder)
     if mesh.hash() != description["mesh_hash"]:
         raise InputError(
             str(folder), expected=f"a model of {discretisation_of(mesh)}",
-            got=f"one of {description.get('discretisation') or 'mesh ' + description['mesh_hash']}",
+            got=f"one of {description['discretisation'] or 'mesh ' + description['mesh_hash']}",
             fix="train on this mesh or choose the model that was",
         )
     NETWORK.check(folder, WEIGHTS_FILE)

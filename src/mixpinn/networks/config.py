@@ -1,6 +1,7 @@
 """ModelConfig: which network, on which graph, with which loss; the rows of the paper's tables."""
 
 import dataclasses
+import math
 from dataclasses import dataclass
 from typing import Literal
 
@@ -41,12 +42,16 @@ class ModelConfig:
     scaling: Scaling = Scaling.NONE
 
     def __post_init__(self) -> None:
-        for name, least in (("layers", 1), ("heads", 1), ("hidden", 1), ("rel_weight", 0)):
-            if not getattr(self, name) >= least:
+        for name, least, most in (("layers", 1, 1_000), ("heads", 1, 1_000), ("hidden", 1, 100_000)):
+            if not least <= getattr(self, name) <= most:
                 raise InputError(
-                    f"model.{name}", expected=f"at least {least}", got=str(getattr(self, name)),
+                    f"model.{name}", expected=f"at least {least}, at most {most:,}", got=str(getattr(self, name)),
                     fix="correct the setting",
                 )
+        if not 0.0 <= self.rel_weight < math.inf:
+            raise InputError(
+                "model.rel_weight", expected="at least 0", got=str(self.rel_weight), fix="correct the setting",
+            )
 
     def with_width(self, width: str) -> "ModelConfig":
         """The same model at one of the named `WIDTHS`; PhysGNN keeps its own.

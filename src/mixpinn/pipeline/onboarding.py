@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 
 from mixpinn.base.errors import InputError
-from mixpinn.base.files import read_json, write_json, write_text
+from mixpinn.base.files import write_json, write_text
 from mixpinn.base.progress import console
 from mixpinn.base.rundir import finish_run, run_scope, start_run
+from mixpinn.base.validated import load_record
 from mixpinn.dataset import SimulationStore, Split, build_sample_table, farthest_first, generate
 from mixpinn.evaluation import evaluate
 from mixpinn.evaluation.onboarding_report import draw_rounds, rounds_report
@@ -189,14 +190,22 @@ def _report(store: SimulationStore, last: SampleTable, config: OnboardingConfig,
     console.print(f"Report: {page}")
 
 
+@dataclass(frozen=True)
+class _Rounds:
+    """What ``rounds.json`` holds."""
+
+    seconds: float
+    rounds: list[dict[str, Any]]
+
+
 class _Clock:
     """Wall time over all sessions, and what was reached when."""
 
     def __init__(self, file: Path) -> None:
         self.file, self._began = file, time.perf_counter()
-        kept: dict[str, Any] = read_json(file) if file.exists() else {"seconds": 0.0, "rounds": []}
-        self._before: float = kept["seconds"]
-        self.rounds: list[dict[str, Any]] = kept["rounds"]
+        remake = "delete it: the rounds are tested again"
+        kept = load_record(_Rounds, file, remake=remake) if file.exists() else _Rounds(0.0, [])
+        self._before, self.rounds = kept.seconds, kept.rounds
 
     def seconds(self) -> float:
         """Since the first session began, pauses not counted [s]."""

@@ -6,9 +6,10 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TypeVar
 
-from mixpinn.base.files import read_json, write_json
+from mixpinn.base.files import write_json
 from mixpinn.base.progress import console
 from mixpinn.base.rundir import finish_run, run_scope, start_run
+from mixpinn.base.validated import load_record
 from mixpinn.evaluation import Table, results_table
 from mixpinn.pipeline.config import RunConfig
 from mixpinn.stages.anatomy import AnatomyResult, make_anatomy
@@ -29,7 +30,8 @@ class _Clock:
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        self.seconds: dict[str, float] = read_json(path) if path.exists() else {}
+        remake = "delete it: only the times are lost"
+        self.seconds = load_record(dict[str, float], path, remake=remake) if path.exists() else {}
 
     def measure(self, name: str, work: Callable[[], T]) -> T:
         console.rule(name)

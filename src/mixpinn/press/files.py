@@ -1,12 +1,16 @@
 """Keep what `PoseModel` needs beyond the hybrid model in a folder: probes, settings, correction; no pickle."""
 
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import Field
 
 from mixpinn.base.arrays import AnyArray
 from mixpinn.base.errors import InputError
 from mixpinn.base.tensor_file import read_arrays, write_arrays
+from mixpinn.base.validated import ArraySpec, checked_record
 from mixpinn.press.contact import PriorContact
 from mixpinn.press.domain import PoseDomain
 from mixpinn.press.error_law import PoseErrorLaw
@@ -16,8 +20,41 @@ from mixpinn.press.records import PoseContactConfig, ProbeGeometry
 from mixpinn.reduced.hybrid import BUNDLE, POSE_FILE, HybridModel
 
 _FORMAT = 2
-_FIELD = ("coefficients", "origin", "underside")
-_CORRECTION = ("modes", "gain", "wrench_gain", "scale", "largest")
+_REMAKE = "fit the pose model again"
+_FIELD = {
+    "coefficients": ArraySpec("number", ("x", "y", "z")), "origin": ArraySpec("number", (3,)),
+    "underside": ArraySpec("number", ("x", "z"), finite=False),
+}
+_SURFACE = {"vertices": ArraySpec("number", ("p", 3)), "triangles": ArraySpec("index", ("t", 3), low=0)}
+_CORRECTION = {
+    "modes": ArraySpec("number", ("modes", "unknowns")), "gain": ArraySpec("number", ("features", "modes")),
+    "wrench_gain": ArraySpec("number", ("features", 6)), "scale": ArraySpec("number", ("coordinates",)),
+    "largest": ArraySpec("number", (2,), finite=False),
+}
+_Positive = Annotated[float, Field(gt=0.0)]
+
+
+@dataclass(frozen=True)
+class _Error:
+    """A `PoseErrorLaw` in JSON."""
+
+    coefficients: tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]
+    factor: tuple[float, float, float]
+    level: float
+
+
+@dataclass(frozen=True)
+class _About:
+    """What ``pose.safetensors`` says besides its arrays."""
+
+    format: Literal[2]
+    mesh_hash: str
+    steps: Annotated[int, Field(ge=0, le=1_000)]
+    spacings: tuple[_Positive, ...]
+    contact: PoseContactConfig
+    corrected: bool
+    domain: PoseDomain
+    error: _Error | None
 
 
 def save_pose_model(model: PoseModel, folder: Path | str) -> None:
@@ -27,7 +64,7 @@ def save_pose_model(model: PoseModel, folder: Path | str) -> None:
     """
     arrays: dict[str, AnyArray] = {}
     for i, probe in enumerate(model.probes):
-        arrays |= {f"probe{i}.{name}": getattr(probe.geometry, name) for name in ("vertices", "triangles")}
+        arrays |= {f"probe{i}.{name}": getattr(probe.geometry, name) for name in _SURFACE}
         arrays |= {f"probe{i}.{name}": getattr(probe, name) for name in _FIELD}
     if model.correction is not None:
         for name in _CORRECTION:
@@ -51,30 +88,36 @@ def load_pose_model(folder: Path | str, hybrid: HybridModel) -> PoseModel:
     path = Path(folder) / POSE_FILE
     BUNDLE.check(folder, POSE_FILE)
     arrays, about = read_arrays(path)
-    try:
-        if not isinstance(about, dict) or about["format"] != _FORMAT:
-            raise KeyError("format")
-        if about["mesh_hash"] != hybrid.mesh.hash():
-            raise InputError(
-                str(path), expected=f"a pose model of mesh {hybrid.mesh.hash()}", got=f"one of {about['mesh_hash']}",
-                fix="fit the pose model on this mesh",
-            )
-        config = PoseContactConfig(**about["contact"])
-        probes = tuple(_probe(arrays, i, float(spacing), config.gap) for i, spacing in enumerate(about["spacings"]))
-        correction = None
-        if about["corrected"]:
-            correction = PoseCorrection(*(arrays[f"correction.{name}"] for name in _CORRECTION))
-        contact = PriorContact.of_prior(hybrid.prior, config)
-        error = None if about["error"] is None else PoseErrorLaw.of_dict(about["error"])
-        domain = PoseDomain.of_dict(about["domain"])
-        return PoseModel(hybrid, contact, probes, domain, correction, error, int(about["steps"]))
-    except (KeyError, TypeError, ValueError) as error:
+    values = checked_record(_About, about, str(path), remake=_REMAKE)
+    if values.mesh_hash != hybrid.mesh.hash():
         raise InputError(
-            str(path), expected="a complete pose model", got=repr(error), fix="fit the pose model again",
-        ) from error
+            str(path), expected=f"a pose model of mesh {hybrid.mesh.hash()}", got=f"one of {values.mesh_hash}",
+            fix="fit the pose model on this mesh",
+        )
+    try:
+        probes = tuple(
+            _probe(arrays, i, spacing, values.contact.gap, str(path)) for i, spacing in enumerate(values.spacings)
+        )
+        correction = None
+        if values.corrected:
+            found = {name: arrays[f"correction.{name}"] for name in _CORRECTION}
+            _check(found, _CORRECTION, str(path), {"unknowns": hybrid.prior.coordinates.size})
+            correction = PoseCorrection(*found.values())
+        error = None if values.error is None else PoseErrorLaw.of_dict(asdict(values.error))
+    except (KeyError, TypeError, ValueError) as wrong:
+        raise InputError(str(path), expected="a complete pose model", got=repr(wrong), fix=_REMAKE) from wrong
+    contact = PriorContact.of_prior(hybrid.prior, values.contact)
+    return PoseModel(hybrid, contact, probes, values.domain, correction, error, values.steps)
 
 
-def _probe(arrays: Mapping[str, AnyArray], index: int, spacing: float, gap: float) -> ProbeField:
-    of = {name: arrays[f"probe{index}.{name}"] for name in (*_FIELD, "vertices", "triangles")}
+def _check(arrays: Mapping[str, AnyArray], specs: Mapping[str, ArraySpec], where: str, extents: dict[str, int]) -> None:
+    for name, spec in specs.items():
+        spec.check(arrays[name], f"{where}: {name}", extents=extents, remake=_REMAKE)
+
+
+def _probe(arrays: Mapping[str, AnyArray], index: int, spacing: float, gap: float, where: str) -> ProbeField:
+    of = {name: arrays[f"probe{index}.{name}"] for name in (*_FIELD, *_SURFACE)}
+    _check(of, _FIELD | _SURFACE, f"{where}: probe {index}", {})
+    _check(of, {"triangles": ArraySpec("index", ("t", 3), low=0, high=len(of["vertices"]) - 1)}, where, {})
     geometry = ProbeGeometry(of["vertices"], of["triangles"])
     return ProbeField(of["coefficients"], of["origin"], spacing, of["underside"], gap, geometry)

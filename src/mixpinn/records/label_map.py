@@ -7,11 +7,24 @@ import numpy as np
 
 from mixpinn.base.arrays import AnyArray, FloatArray
 from mixpinn.base.errors import InputError
-from mixpinn.base.files import atomic_path, hash_arrays, read_json, write_json
+from mixpinn.base.files import atomic_path, hash_arrays, write_json
 from mixpinn.base.manifest import Artefact
+from mixpinn.base.validated import ArraySpec, load_record
 
 SCANNER_TO_WORLD = np.diag([1.0, -1.0, -1.0, 1.0])
 """RAS scanner axes turned 180 degrees about x: world (x, y, z) = (right, posterior, caudal)."""
+_REMAKE = "run 'mixpinn anatomy' again"
+_Row = tuple[float, float, float, float]
+
+
+@dataclass(frozen=True)
+class _About:
+    """What ``NAME.json`` holds beside a label map."""
+
+    affine: tuple[_Row, _Row, _Row, _Row]
+    world_to_scanner: tuple[_Row, _Row, _Row, _Row]
+    soft_names: tuple[str, ...]
+    rigid_names: tuple[str, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,25 +91,24 @@ class LabelMap:
         path = Path(path)
         # gzip's own checksum is not looked at by nibabel.
         label_map_files(path).check(path.parent, path.name, _sidecar(path).name)
-        about = read_json(_sidecar(path))
+        about = load_record(_About, _sidecar(path), remake=_REMAKE)
+        affine, world_to_scanner = (np.array(rows, dtype=np.float64) for rows in (about.affine, about.world_to_scanner))
         try:
             labels = np.asarray(nib.load(path).dataobj).astype(np.uint8)
-            return LabelMap(
-                labels, np.array(about["affine"], dtype=np.float64).reshape(4, 4),
-                np.array(about["world_to_scanner"], dtype=np.float64).reshape(4, 4),
-                tuple(about["soft_names"]), tuple(about["rigid_names"]),
-            )
         except Exception as error:  # nibabel raises many kinds: zlib, EOF, header
             raise InputError(
                 str(path), expected="a label map and its description", got=f"{type(error).__name__}: {error}",
-                fix="run 'mixpinn anatomy' again",
+                fix=_REMAKE,
             ) from error
+        known = len(about.soft_names) + len(about.rigid_names)
+        ArraySpec("index", ("i", "j", "k"), low=0, high=known).check(labels, str(path), extents={}, remake=_REMAKE)
+        return LabelMap(labels, affine, world_to_scanner, about.soft_names, about.rigid_names)
 
 
 def label_map_files(path: Path) -> Artefact:
     """The manifest ``NAME.manifest.json`` of a label map."""
     name = _sidecar(path).name.removesuffix(".json")
-    return Artefact("label map", 1, "run 'mixpinn anatomy' again", f"{name}.manifest.json")
+    return Artefact("label map", 1, _REMAKE, f"{name}.manifest.json")
 
 
 def _sidecar(path: Path) -> Path:

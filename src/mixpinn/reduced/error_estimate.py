@@ -13,6 +13,8 @@ from typing import Any
 import numpy as np
 
 from mixpinn.base.arrays import AnyArray, FloatArray
+from mixpinn.base.errors import InputError
+from mixpinn.base.validated import ArraySpec, checked_record
 from mixpinn.reduced.ridge import ridge
 
 _LOW = 8
@@ -120,12 +122,39 @@ class ErrorEstimate:
         }
 
     @staticmethod
-    def of_dict(values: Mapping[str, Any]) -> "ErrorEstimate":
-        """From what `as_dict` gave."""
-        return ErrorEstimate(
-            np.array(values["coefficients"], dtype=np.float64), float(values["factor"]), float(values["level"]),
-            np.array(values["spread"], dtype=np.float64), float(values["farthest"]),
-        )
+    def of_dict(values: Mapping[str, Any], where: str, *, coordinates: int, remake: str) -> "ErrorEstimate":
+        """From what `as_dict` gave.
+
+        Args:
+            values: plain values.
+            where: they stand, for the message.
+            coordinates: their number k.
+            remake: what a user does where they are damaged.
+
+        Raises:
+            InputError: a value that is absent, not finite or of another shape.
+        """
+        plain = checked_record(_Plain, dict(values), where, remake=remake)
+        try:
+            coefficients, spread = (np.array(rows, dtype=np.float64) for rows in (plain.coefficients, plain.spread))
+        except ValueError as error:
+            raise InputError(f"{where}: spread", expected="rows of one length", got="others", fix=remake) from error
+        for name, array, shape in (
+            ("coefficients", coefficients, (6,)), ("spread", spread, (coordinates, coordinates)),
+        ):
+            ArraySpec("number", shape).check(array, f"{where}: {name}", extents={}, remake=remake)
+        return ErrorEstimate(coefficients, plain.factor, plain.level, spread, plain.farthest)
+
+
+@dataclass(frozen=True)
+class _Plain:
+    """What an estimate is in JSON."""
+
+    coefficients: list[float]
+    factor: float
+    level: float
+    spread: list[list[float]]
+    farthest: float
 
 
 def _row(signs: Signs) -> FloatArray:

@@ -189,7 +189,10 @@ class HybridModel:
         try:
             equilibrium = Equilibrium(mesh, mu=np.array(values.mu), lam=np.array(values.lam))
             newton = ModalNewton(prior, equilibrium, arrays["modes"], arrays["duals"], arrays["coupling"])
-            error = None if values.error is None else ErrorEstimate.of_dict(values.error)
+            where, size = f"{folder / HYBRID_FILE}: error", len(arrays["readers"])
+            error = None if values.error is None else ErrorEstimate.of_dict(
+                values.error, where, coordinates=size, remake=BUNDLE.remake,
+            )
             return HybridModel(newton, arrays["readers"], arrays["gain"], error, values.about, values.name)
         except (KeyError, TypeError) as found:
             raise InputError(

@@ -5,12 +5,12 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Literal, TypeVar
 
-from mixpinn.base.config import build_config
 from mixpinn.base.errors import InputError
-from mixpinn.base.files import read_json, write_json, write_text
+from mixpinn.base.files import write_json, write_text
 from mixpinn.base.manifest import Artefact
 from mixpinn.base.progress import console, progress_bar
 from mixpinn.base.rundir import finish_run, is_finished, run_scope, start_run
+from mixpinn.base.validated import load_record
 from mixpinn.mesh.bisect import refine_to
 from mixpinn.mesh.cgal_mesher import CgalMesher
 from mixpinn.mesh.check_surface import check_surfaces
@@ -104,9 +104,9 @@ class MeshResult:
         fidelity = folder / "fidelity.json"
         return MeshResult(
             TissueMesh.load(folder / MESH_FILE),
-            build_config(MeshStatistics, read_json(folder / "statistics.json")),
-            build_config(MeshQuality, read_json(folder / "quality.json")),
-            build_config(MeshFidelity, read_json(fidelity)) if fidelity.exists() else None,
+            load_record(MeshStatistics, folder / "statistics.json", remake=MESH_RUN.remake),
+            load_record(MeshQuality, folder / "quality.json", remake=MESH_RUN.remake),
+            load_record(MeshFidelity, fidelity, remake=MESH_RUN.remake) if fidelity.exists() else None,
         )
 
 

@@ -2,6 +2,7 @@
 
 import csv
 import io
+import math
 from collections.abc import Sequence
 from dataclasses import astuple, dataclass, fields
 from pathlib import Path
@@ -11,6 +12,7 @@ from mixpinn.base.errors import InputError
 from mixpinn.base.files import write_text
 
 HISTORY_FILE = "history.csv"
+_REMAKE = "delete the folder and train again"
 
 StopReason = Literal["early stop", "epoch limit", "time budget"]
 
@@ -73,7 +75,7 @@ def read_history(folder: Path | str) -> tuple[EpochRecord, ...]:
     path = Path(folder) / HISTORY_FILE
     try:
         with path.open(newline="") as file:
-            return tuple(
+            records = tuple(
                 EpochRecord(int(row["epoch"]), *(float(row[field.name]) for field in fields(EpochRecord)[1:]))
                 for row in csv.DictReader(file)
             )
@@ -84,5 +86,12 @@ def read_history(folder: Path | str) -> tuple[EpochRecord, ...]:
     except (KeyError, TypeError, ValueError, UnicodeDecodeError) as error:
         raise InputError(
             str(path), expected="one row of numbers an epoch", got=f"{type(error).__name__}: {error}",
-            fix="delete the folder and train again",
+            fix=_REMAKE,
         ) from error
+    for number, record in enumerate(records, start=1):
+        if record.epoch < 1 or not all(map(math.isfinite, astuple(record))):
+            raise InputError(
+                f"{path}: row {number}", expected="an epoch from 1 on and finite numbers",
+                got=str(astuple(record)), fix=_REMAKE,
+            )
+    return records
