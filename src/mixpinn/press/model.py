@@ -31,7 +31,7 @@ from mixpinn.press.session import ContactSession
 from mixpinn.records.answer import Trust
 from mixpinn.reduced.hybrid import HybridModel
 from mixpinn.reduced.quadratic_features import quadratic_features
-from mixpinn.reduced.row_products import combine_rows, rows_times
+from mixpinn.reduced.row_products import combine_rows
 
 _LARGEST_SHIFT = 0.6
 """A Newton step moves no node of the skin by more than this part of the linear answer's largest displacement."""
@@ -252,8 +252,7 @@ class PoseModel:
         residual = equilibrium.residual(coordinates.expand(unknowns), coordinates)
         residual[held.unknowns] -= force[on].ravel().astype(np.float32)
         patch = prior.hold(session.nodes)
-        answer = np.empty(len(patch.rows), dtype=np.float32)
-        rows_times(prior.compliance, patch.rows, residual, answer)
+        answer = prior.compliance.read(patch.rows, residual)
         shift: FloatArray = -answer.reshape(-1, 3).astype(np.float64)
         # Where the linear answer is so far off that the step means nothing, it stays a part of that answer.
         here = unknowns[patch.unknowns].reshape(-1, 3).astype(np.float64)

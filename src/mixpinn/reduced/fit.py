@@ -20,7 +20,6 @@ from mixpinn.reduced.modal_newton import ModalNewton
 from mixpinn.reduced.modes import coefficients, principal_modes
 from mixpinn.reduced.prior import ElasticPrior
 from mixpinn.reduced.ridge import column_deviations, ridge
-from mixpinn.reduced.row_products import rows_times
 
 
 @dataclass(frozen=True)
@@ -129,11 +128,9 @@ def prepare_samples(prior: ElasticPrior, equilibrium: Equilibrium, table: Sample
         residual[:] = equilibrium.residual(space.expand(response), space)
         residual[contact.unknowns] = 0.0
         found.missed[index] = space.project(sample.displacement) - response
-        moved = np.empty(len(contact.rows), dtype=np.float32)
-        rows_times(prior.compliance, contact.rows, residual, moved)
         found.rows.append(contact.rows)
         found.force.append(force)
-        found.held.append(contact.solve(moved))
+        found.held.append(contact.solve(prior.compliance.read(contact.rows, residual)))
     return found
 
 
@@ -187,9 +184,9 @@ def fit_correction(
     duals = linear.solve(np.asfortranarray((weights**2 * modes).T, dtype=np.float64)).T
     newton = ModalNewton(
         prior, Equilibrium.of_materials(prior.mesh, materials), modes, np.ascontiguousarray(duals, dtype=np.float32),
-        np.ascontiguousarray(((weights**2 * modes) @ prior.compliance.T).astype(np.float32)),
+        np.ascontiguousarray(prior.compliance.times(weights**2 * modes)),
     )
-    readers = np.ascontiguousarray(((weights**2 * principal) @ prior.compliance.T).astype(np.float32))
+    readers = np.ascontiguousarray(prior.compliance.times(weights**2 * principal))
     gain, chosen = fit_gain(
         prepared.steps(newton), prepared.coordinates(readers), coefficients(modes, weights, prepared.missed),
         prepared.position, config,

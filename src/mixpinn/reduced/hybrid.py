@@ -114,7 +114,7 @@ class HybridModel:
     def of_prior(prior: ElasticPrior, equilibrium: Equilibrium) -> "HybridModel":
         """The prior alone: no modes, nothing fitted yet."""
         nothing = np.zeros((0, prior.coordinates.size), np.float32)
-        none = np.zeros((0, len(prior.compliance)), np.float32)
+        none = np.zeros((0, prior.compliance.shape[0]), np.float32)
         newton = ModalNewton(prior, equilibrium, nothing, nothing, none)
         return HybridModel(newton, none, np.zeros((0, 0), np.float32), name=prior.name)
 

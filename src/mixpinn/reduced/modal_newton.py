@@ -58,8 +58,7 @@ class ModalNewton:
 
     def step_of_residual(self, residual: Float32Array, contact: ContactSystem) -> Float32Array:
         """`step` for a residual (D,) that is zero on the held unknowns."""
-        moved = np.empty(len(contact.rows), dtype=np.float32)
-        rows_times(self.prior.compliance, contact.rows, residual, moved)
+        moved = self.prior.compliance.read(contact.rows, residual)
         free = np.empty(len(self.duals), dtype=np.float32)
         rows_times(self.duals, self._all, residual, free)  # type: ignore[attr-defined]
         held: FloatArray = contact.solve(moved)

@@ -24,8 +24,8 @@ from mixpinn.base.files import atomic_path, write_json
 from mixpinn.base.manifest import Artefact
 from mixpinn.base.validated import ArraySpec, load_arrays, load_record
 from mixpinn.records import TissueMesh
+from mixpinn.reduced.compliance import Compliance, DenseCompliance, FactoredCompliance
 from mixpinn.reduced.coordinates import ReducedCoordinates
-from mixpinn.reduced.row_products import combine_rows
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -36,6 +36,9 @@ _ABOUT, _COMPLIANCE = "prior.json", "compliance.npy"
 _LEFT, _RIGHT, _OWN = "left.npy", "right.npy", "own.npy"
 FILES = (_ABOUT, _COMPLIANCE, _LEFT, _RIGHT, _OWN)
 """All that a prior may have; compliance, or its factors."""
+DENSE_BYTES = 1 << 30
+"""Beyond this size [byte] a compliance is kept in factors: it would not fit beside everything else in memory. Up to it,
+the whole matrix answers faster: the rows of some thirty contact nodes are less to read than some hundred modes."""
 PRIOR = Artefact("elastic prior", 1, "make the prior again (one in the cache is made anew by itself)")
 
 
@@ -107,6 +110,8 @@ class _About:
     nodes: tuple[int, ...]
     name: str
     tolerance: float = 0.0
+    missed: float = 0.0
+    factored: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,20 +121,23 @@ class ElasticPrior:
     Attributes:
         mesh: the mesh.
         nodes: contact nodes that may be imposed, ascending, shape (c,).
-        compliance: response of every reduced unknown to a unit force at each of them [mm/N], float32, shape
-            (3 c, n_dofs): free soft nodes in ascending order, then translation and rotation vector of each part.
+        compliance: response of every reduced unknown to a unit force at each of them [mm/N], shape (3 c, n_dofs): free
+            soft nodes in ascending order, then translation and rotation vector of each part.
         name: for tables.
+        missed: relative error (root mean square, away from the contact nodes) of its responses to contacts that its
+            modes were not drawn from; 0 where the compliance is exact.
     """
 
     mesh: TissueMesh
     nodes: IntArray
-    compliance: Float32Array
+    compliance: Compliance
     name: str = "Elastic prior"
+    missed: float = 0.0
 
     def __post_init__(self) -> None:
         coordinates = ReducedCoordinates(self.mesh)
         order = np.searchsorted(coordinates.free, self.nodes)
-        own = self.compliance[:, (3 * order[:, None] + np.arange(3)).ravel()].astype(np.float64)
+        own = self.compliance.own((3 * order[:, None] + np.arange(3)).ravel()).astype(np.float64)
         object.__setattr__(self, "_coordinates", coordinates)
         object.__setattr__(self, "_first_unknown", 3 * order)
         object.__setattr__(self, "_own", 0.5 * (own + own.T))
@@ -186,9 +194,7 @@ class ElasticPrior:
 
     def respond_to_forces(self, contact: ContactSystem, force: AnyArray) -> Float32Array:
         """The reduced unknowns [mm, rad], shape (D,), under forces [N], shape (3 l,), on contact nodes."""
-        unknowns = np.zeros(self.compliance.shape[1], dtype=np.float32)
-        combine_rows(self.compliance, contact.rows, np.asarray(force, dtype=np.float32).ravel(), unknowns)
-        return unknowns
+        return self.compliance.respond(contact.rows, force)
 
     def _rows(self, nodes: AnyArray) -> IntArray:
         """Rows of the compliance that belong to contact nodes, shape (3 l,)."""
@@ -216,23 +222,30 @@ class ElasticPrior:
 
         Args:
             folder: where to.
-            tolerance: with a positive one, C is written as a product of two smaller matrices that differs from it by
-                at most this share, in the Frobenius norm; the contact nodes' own block stays exact. Such a prior is
-                multiplied out when it is read.
+            tolerance: with a positive one, a dense C is written as a product of two smaller matrices that differs from
+                it by at most this share, in the Frobenius norm; the contact nodes' own block stays exact. Such a prior
+                is multiplied out when it is read, unless that would take more than `DENSE_BYTES`.
         """
         folder = Path(folder)
-        arrays = {_COMPLIANCE: self.compliance} if tolerance <= 0.0 else self._factors(tolerance)
+        if isinstance(self.compliance, FactoredCompliance):
+            kept = self.compliance
+            arrays = {_LEFT: kept.left, _RIGHT: kept.right, _OWN: kept.block}
+        else:
+            assert isinstance(self.compliance, DenseCompliance)
+            matrix = self.compliance.matrix
+            arrays = {_COMPLIANCE: matrix} if tolerance <= 0.0 else self._factors(matrix, tolerance)
         for name, array in arrays.items():
             with atomic_path(folder / name) as temporary:
                 np.save(temporary, array, allow_pickle=False)
         write_json(folder / _ABOUT, {
             "mesh_hash": self.mesh.hash(), "nodes": self.nodes, "name": self.name, "tolerance": max(tolerance, 0.0),
+            "missed": self.missed, "factored": _LEFT in arrays,
         })
         PRIOR.seal(folder, [_ABOUT, *arrays])
 
-    def _factors(self, tolerance: float) -> dict[str, Float32Array]:
+    def _factors(self, matrix: Float32Array, tolerance: float) -> dict[str, Float32Array]:
         """C ≈ V_r (V_rᵀ C) with the r leading left singular vectors V_r, and the exact own block."""
-        dense = np.asarray(self.compliance, dtype=np.float64)
+        dense = np.asarray(matrix, dtype=np.float64)
         squared, vectors = np.linalg.eigh(dense @ dense.T)
         discarded = np.sqrt(np.maximum(np.cumsum(squared), 0.0) / squared.sum())
         left = vectors[:, int(np.searchsorted(discarded, tolerance, side="right")):]
@@ -269,16 +282,20 @@ class ElasticPrior:
             raise InputError(
                 f"{folder / _ABOUT}: nodes", expected="free soft nodes", got="fixed or rigid ones", fix=PRIOR.remake,
             )
-        if about.tolerance > 0.0:
+        compliance: Compliance
+        if about.factored or about.tolerance > 0.0:
             PRIOR.check(folder, _LEFT, _RIGHT, _OWN)
             arrays = load_arrays(folder, _FACTORS, remake=PRIOR.remake, extents=extents)
-            compliance = arrays["left"] @ arrays["right"]
-            first = 3 * np.searchsorted(free, nodes)
-            compliance[:, (first[:, None] + np.arange(3)).ravel()] = arrays["own"]
+            own = (3 * np.searchsorted(free, nodes)[:, None] + np.arange(3)).ravel()
+            right = arrays["right"]
+            right[:, own] = 0.0  # the own block stands in their place
+            factored = FactoredCompliance(arrays["left"], right, arrays["own"], own)
+            exact = about.missed == 0.0 and 4 * extents["rows"] * extents["unknowns"] <= DENSE_BYTES
+            compliance = factored.dense() if exact else factored
         else:
             PRIOR.check(folder, _COMPLIANCE)
             whole = {"compliance": ArraySpec("number", ("rows", "unknowns"))}
-            compliance = load_arrays(
+            compliance = DenseCompliance(load_arrays(
                 folder, whole, remake=PRIOR.remake, extents=extents, mapped=("compliance",),
-            )["compliance"]
-        return ElasticPrior(mesh, nodes, compliance, about.name)
+            )["compliance"])
+        return ElasticPrior(mesh, nodes, compliance, about.name, about.missed)
