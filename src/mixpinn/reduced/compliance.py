@@ -4,7 +4,7 @@ Dense, it is one row of D numbers for each of 3 c force components: 4 GB for 2,3
 displacement of the contact nodes themselves needs all of that detail, which their own block W has in 3 c by 3 c
 numbers. Farther in, responses are smooth and lie near r modes Ψ, which are zero at the contact nodes:
 
-    Cᵀ f ≈ Ψᵀ (Lᵀ f) + Wᵀ f at the contact nodes,    C r ≈ L (Ψ r) + W r there,
+    C f ≈ Ψᵀ (Lᵀ f), and W f at the contact nodes;    Cᵀ r ≈ L (Ψ r) + W r_c, r_c the forces on the contact nodes,
 
 the second the exact transpose of the first. The modes are orthonormal with weights M that hardly count the contact
 nodes, and L = (Ψ M C)ᵀ = (Ψ M K⁻¹ Sᵀ)ᵀ are the coefficients of the responses: a solve for each mode, and no C.
@@ -20,7 +20,7 @@ from mixpinn.reduced.row_products import combine_rows, rows_times
 
 
 class Compliance(Protocol):
-    """C by its products; R = 3 c rows, D unknowns. Products change nothing: threads may share an instance."""
+    """C by its products: R = 3 c rows C_k, each the answer of D unknowns to a unit force. Threads may share an instance."""
 
     @property
     def shape(self) -> tuple[int, int]:

@@ -2,8 +2,8 @@
 
 No simulation is needed. A state is a flat rectangle of random place, turn, tilt and size that stands some way inside
 the skin: the contact nodes under it are brought into its plane and drawn along by a random share of the way, and forces
-that would pull are released. Such loads grow towards the rim of the footprint, as those of real contact do; smooth pressures
-do not.
+that would pull are released. Such loads grow towards the rim of the footprint, as those of real contact do; smooth
+pressures do not.
 """
 
 from dataclasses import dataclass
