@@ -20,7 +20,7 @@ from mixpinn.reduced.row_products import combine_rows, rows_times
 
 
 class Compliance(Protocol):
-    """C by its products: R = 3 c rows C_k, each the answer of D unknowns to a unit force. Threads may share an instance."""
+    """C by its products: R = 3 c rows C_k, each the answer of D unknowns to a unit force. Threads may share one."""
 
     @property
     def shape(self) -> tuple[int, int]:
