@@ -91,8 +91,8 @@ def add_quadratic_stable_forces(
 ) -> None:
     """Add ∫ P ∂N_n/∂X [N] of all ten nodes of each cell to the nodal forces `out`.
 
-    At a point with barycentric coordinates λ the cell is a linear tetrahedron whose vertices move by
-    d_a = (4 λ_a − 1) u_a + Σ_b 4 λ_b u_ab; see `mixpinn.physics.quadratic_tetrahedron`.
+    The displacement gradient is interpolated between those at the vertices, and the forces need the moments ∫ λ_b P
+    alone; see `mixpinn.physics.quadratic_tetrahedron`.
 
     Args:
         cells: vertices and the midpoints of the pairs `LOCAL_PAIRS`, shape (m, 10).
@@ -100,36 +100,59 @@ def add_quadratic_stable_forces(
         gradients: of the four barycentric coordinates at rest [1/mm], shape (m, 4, 3).
         places, shares: points and weights of a quadrature, shapes (p, 4) and (p,).
     """
-    move, force = np.empty((4, 3), np.float32), np.empty((4, 3), np.float32)
-    h, one, four = np.empty((3, 3), np.float32), np.float32(1.0), np.float32(4.0)
+    corner, moments, four = np.empty((4, 9), np.float32), np.empty((4, 9), np.float32), np.float32(4.0)
     for e in range(len(cells)):
-        for q in range(len(places)):
-            for a in range(4):
-                for i in range(3):
-                    move[a, i] = (four * places[q, a] - one) * moved[cells[e, a], i]
-            for pair in range(6):
-                a, b, node = LOCAL_PAIRS[pair, 0], LOCAL_PAIRS[pair, 1], cells[e, 4 + pair]
-                for i in range(3):
-                    move[a, i] += four * places[q, b] * moved[node, i]
-                    move[b, i] += four * places[q, a] * moved[node, i]
+        corner[:] = np.float32(0.0)
+        moments[:] = np.float32(0.0)
+        # d_b = 3 u_b and d_c = 4 u_bc − u_c at vertex b, both counted from u_b
+        for pair in range(6):
+            b, c, middle = LOCAL_PAIRS[pair, 0], LOCAL_PAIRS[pair, 1], cells[e, 4 + pair]
             for i in range(3):
+                first, second, between = moved[cells[e, b], i], moved[cells[e, c], i], moved[middle, i]
+                there, back = four * (between - first) - (second - first), four * (between - second) - (first - second)
                 for j in range(3):
-                    h[i, j] = (
-                        move[0, i] * gradients[e, 0, j] + move[1, i] * gradients[e, 1, j]
-                        + move[2, i] * gradients[e, 2, j] + move[3, i] * gradients[e, 3, j]
-                    )
+                    corner[b, 3 * i + j] += there * gradients[e, c, j]
+                    corner[c, 3 * i + j] += back * gradients[e, b, j]
+        stiff, bulk = mu[e], lam[e]
+        for q in range(len(places)):
+            a0, a1, a2, a3 = places[q, 0], places[q, 1], places[q, 2], places[q, 3]
             s00, s01, s02, s10, s11, s12, s20, s21, s22 = stable_stress(
-                h[0, 0], h[0, 1], h[0, 2], h[1, 0], h[1, 1], h[1, 2], h[2, 0], h[2, 1], h[2, 2], mu[e], lam[e],
+                a0 * corner[0, 0] + a1 * corner[1, 0] + a2 * corner[2, 0] + a3 * corner[3, 0],
+                a0 * corner[0, 1] + a1 * corner[1, 1] + a2 * corner[2, 1] + a3 * corner[3, 1],
+                a0 * corner[0, 2] + a1 * corner[1, 2] + a2 * corner[2, 2] + a3 * corner[3, 2],
+                a0 * corner[0, 3] + a1 * corner[1, 3] + a2 * corner[2, 3] + a3 * corner[3, 3],
+                a0 * corner[0, 4] + a1 * corner[1, 4] + a2 * corner[2, 4] + a3 * corner[3, 4],
+                a0 * corner[0, 5] + a1 * corner[1, 5] + a2 * corner[2, 5] + a3 * corner[3, 5],
+                a0 * corner[0, 6] + a1 * corner[1, 6] + a2 * corner[2, 6] + a3 * corner[3, 6],
+                a0 * corner[0, 7] + a1 * corner[1, 7] + a2 * corner[2, 7] + a3 * corner[3, 7],
+                a0 * corner[0, 8] + a1 * corner[1, 8] + a2 * corner[2, 8] + a3 * corner[3, 8],
+                stiff, bulk,
             )
-            v = volume[e] * shares[q]
+            for b in range(4):
+                factor = volume[e] * shares[q] * places[q, b]
+                moments[b, 0] += factor * s00
+                moments[b, 1] += factor * s01
+                moments[b, 2] += factor * s02
+                moments[b, 3] += factor * s10
+                moments[b, 4] += factor * s11
+                moments[b, 5] += factor * s12
+                moments[b, 6] += factor * s20
+                moments[b, 7] += factor * s21
+                moments[b, 8] += factor * s22
+        # ∫ P ∂N_a/∂X = (4 S_a − Σ_b S_b) G_a and ∫ P ∂N_ab/∂X = 4 (S_b G_a + S_a G_b)
+        for i in range(3):
+            t0 = moments[0, 3 * i] + moments[1, 3 * i] + moments[2, 3 * i] + moments[3, 3 * i]
+            t1 = moments[0, 3 * i + 1] + moments[1, 3 * i + 1] + moments[2, 3 * i + 1] + moments[3, 3 * i + 1]
+            t2 = moments[0, 3 * i + 2] + moments[1, 3 * i + 2] + moments[2, 3 * i + 2] + moments[3, 3 * i + 2]
             for a in range(4):
-                g0, g1, g2 = gradients[e, a, 0], gradients[e, a, 1], gradients[e, a, 2]
-                force[a, 0] = v * (s00 * g0 + s01 * g1 + s02 * g2)
-                force[a, 1] = v * (s10 * g0 + s11 * g1 + s12 * g2)
-                force[a, 2] = v * (s20 * g0 + s21 * g1 + s22 * g2)
-                for i in range(3):
-                    out[cells[e, a], i] += (four * places[q, a] - one) * force[a, i]
+                out[cells[e, a], i] += (
+                    (four * moments[a, 3 * i] - t0) * gradients[e, a, 0]
+                    + (four * moments[a, 3 * i + 1] - t1) * gradients[e, a, 1]
+                    + (four * moments[a, 3 * i + 2] - t2) * gradients[e, a, 2]
+                )
             for pair in range(6):
-                a, b, node = LOCAL_PAIRS[pair, 0], LOCAL_PAIRS[pair, 1], cells[e, 4 + pair]
-                for i in range(3):
-                    out[node, i] += four * (places[q, b] * force[a, i] + places[q, a] * force[b, i])
+                a, b = LOCAL_PAIRS[pair, 0], LOCAL_PAIRS[pair, 1]
+                total = np.float32(0.0)
+                for j in range(3):
+                    total += moments[b, 3 * i + j] * gradients[e, a, j] + moments[a, 3 * i + j] * gradients[e, b, j]
+                out[cells[e, 4 + pair], i] += four * total
