@@ -25,7 +25,7 @@ def test_first_bad_stage_stops_the_run(tmp_path):
     config = build_config(RunConfig, RUN, {"anatomy": {"source": "folder", "path": str(tmp_path / "absent")}})
     with pytest.raises(InputError, match="absent"):
         run_pipeline(config, out=tmp_path / "out")
-    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == [".lock", "run.json"]
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["run.json"]
 
 
 def test_demo_is_a_run_of_the_phantom():
