@@ -73,9 +73,20 @@ def test_files_of_both_kinds(tmp_path):
 
 @pytest.mark.parametrize(("name", "content", "says"), [
     ("a.toml", b"[inner", "TOML"), ("a.json", b"{", "JSON"), ("a.json", b"[1]", "settings by name"),
-    ("a.toml", b"\xff\xfe", "TOML"),
+    ("a.toml", b"\xff\xfe\x00", "decoded"),
+    ("a.toml", b"a = \"C:\\data\"", "backslashes"), ("a.toml", b"\x00", "binary"),
 ])
 def test_bad_files(tmp_path, name, content, says):
     (tmp_path / name).write_bytes(content)
     with pytest.raises(InputError, match=says):
         read_config_file(tmp_path / name)
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "cp1252"])
+@pytest.mark.parametrize(("name", "text"), [
+    ("a.toml", '# Rücken\r\nseed = 1\r\n'), ("A.TOML", "# Rücken\nseed = 1\n"), ("a.JSON", '{"seed": 1}'),
+    ("settings", "seed = 1"),
+])
+def test_files_as_editors_save_them(tmp_path, name, text, encoding):
+    (tmp_path / name).write_bytes(text.encode(encoding))
+    assert read_config_file(tmp_path / name) == {"seed": 1}

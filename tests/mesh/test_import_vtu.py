@@ -100,3 +100,72 @@ def test_paper_mesh_has_the_papers_table(shared_data):
 def test_protocol_rule_finds_the_papers_fixed_nodes(shared_data):
     mesh = load_paper_mesh(shared_data / "patient1" / "paper")
     np.testing.assert_array_equal(fixed_nodes(mesh), mesh.fixed)
+
+
+def flat_cells(grid):
+    """The grid with triangles, lines and a point beside the tetrahedra, and a loose point that only a line uses."""
+    cells = grid.cells_dict[pv.CellType.TETRA]
+    points = np.vstack([[[99.0, 0, 0]], grid.points])
+    kinds = {
+        pv.CellType.TRIANGLE: cells[:5, :3] + 1, pv.CellType.LINE: np.array([[0, 1]]), pv.CellType.TETRA: cells + 1,
+        pv.CellType.VERTEX: np.array([[3]]),
+    }
+    mixed = pv.UnstructuredGrid(kinds, points)
+    mixed.point_data["part"] = np.concatenate([[0], grid.point_data["part"]])
+    return mixed
+
+
+def test_cells_of_lower_dimension_are_left_out(grid, tmp_path):
+    want = import_vtu(save(grid, tmp_path))
+    (tmp_path / "fixed.txt").write_text("1 2")  # ids of the file, in which the loose point is 0
+    got = import_vtu(save(flat_cells(grid), tmp_path), fixed=tmp_path / "fixed.txt")
+    np.testing.assert_array_equal(got.points, want.points)
+    np.testing.assert_array_equal(got.cells, want.cells)
+    np.testing.assert_array_equal(got.part, want.part)
+    np.testing.assert_array_equal(np.flatnonzero(got.fixed), [0, 1])
+
+
+def gmsh(mesh, labels):
+    points = "".join(f"{k} {x} {y} {z}\n" for k, (x, y, z) in enumerate(mesh.points, start=1))
+    cells = "".join(
+        f"{k} 4 2 {tag} {tag} {a} {b} {c} {d}\n" for k, (tag, (a, b, c, d)) in
+        enumerate(zip(labels, mesh.cells + 1, strict=True), start=1)
+    )
+    return (f"$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n{mesh.n_points}\n{points}$EndNodes\n"
+            f"$Elements\n{len(mesh.cells)}\n{cells}$EndElements\n")
+
+
+def test_other_files_of_the_same_tetrahedra(grid, tmp_path):
+    pytest.importorskip("meshio")
+    mesh = import_vtu(save(grid, tmp_path))
+    (tmp_path / "mesh.vtu").rename(tmp_path / "UPPER.VTU")
+    grid.save(tmp_path / "legacy.vtk")
+    (tmp_path / "a.msh").write_text(gmsh(mesh, np.ones(len(mesh.cells), dtype=int)))
+    for name in ("UPPER.VTU", "legacy.vtk", "a.msh"):
+        got = import_vtu(tmp_path / name)
+        np.testing.assert_allclose(got.points, mesh.points, atol=1e-4)
+        np.testing.assert_array_equal(np.sort(got.cells), np.sort(mesh.cells))
+    (tmp_path / "a.step").write_text("x")
+    with pytest.raises(InputError, match=r"a file of type \.step"):
+        import_vtu(tmp_path / "a.step")
+
+
+def test_parts_of_cells_become_cavities(tmp_path):
+    solid, hollow = box_mesh(), box_mesh(cavity=CAVITY)
+    centres = solid.points[solid.cells].mean(axis=1)
+    rigid = (np.abs(centres[:, 0]) < 10) & (np.abs(centres[:, 1]) < 10) & (centres[:, 2] > -10) & (centres[:, 2] < 0)
+    grid = pv.UnstructuredGrid({pv.CellType.TETRA: solid.cells}, solid.points)
+    grid.cell_data["material"] = np.where(rigid, 40, 7)
+    got = import_vtu(save(grid, tmp_path), part_array="material", soft_labels=(7,), rigid_names=["block"])
+    assert got.n_points == hollow.n_points
+    assert np.isclose(got.cell_volumes.sum(), hollow.cell_volumes.sum())
+    order = np.lexsort(got.points.T), np.lexsort(hollow.points.T)
+    np.testing.assert_array_equal(got.part[order[0]], hollow.part[order[1]])
+    with pytest.raises(InputError, match="material"):
+        import_vtu(tmp_path / "mesh.vtu", part_array="labels")
+
+
+def test_unknown_tissue_numbers(grid, tmp_path):
+    grid.cell_data["tissue"] = np.full(grid.n_cells, 3)
+    with pytest.raises(InputError, match="tissue numbers 0"):
+        import_vtu(save(grid, tmp_path))

@@ -34,7 +34,7 @@ BAD = {
     "bytes.csv": b"\xff\xfe\x00\x01", "list.json": b"[1, 2]", "cut.json": b'{"nodes": [1',
     "keys.json": b'{"nodes": [1]}',
     "ragged.json": b'{"nodes": [1, 2], "displacements": [[1, 2, 3], [1]]}', "cut.npz": b"PK\x03\x04", "empty.npz": b"",
-    "contacts.txt": b"1,0,0,0", "contacts": b"1,0,0,0",
+    "contacts.xlsx": b"1,0,0,0", "contacts": b"1,0,0,0",
 }
 
 

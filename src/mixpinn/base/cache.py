@@ -3,14 +3,20 @@
 import os
 from pathlib import Path
 
+from mixpinn.base.compile_cache import user_cache
+from mixpinn.base.files import make_folder
+
 
 def cache_folder(*parts: str) -> Path:
     """Folder `parts` inside the cache, created if absent.
 
     The root is the environment variable ``MIXPINN_CACHE``; without it ``$XDG_CACHE_HOME/mixpinn`` or
-    ``~/.cache/mixpinn``.
+    ``~/.cache/mixpinn``, and without a home that can be written a folder of the user's in the temporary one.
+
+    Raises:
+        InputError: the folder cannot be written.
     """
-    default = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "mixpinn"
-    folder = Path(os.environ.get("MIXPINN_CACHE", default)).joinpath(*parts)
-    folder.mkdir(parents=True, exist_ok=True)
+    given = os.environ.get("MIXPINN_CACHE")
+    folder = (Path(given) if given else user_cache() / "mixpinn").joinpath(*parts)
+    make_folder(folder)
     return folder

@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import math
 import tomllib
 import types
 import typing
@@ -12,30 +13,28 @@ from typing import Any, TypeVar
 from pydantic import TypeAdapter, ValidationError
 
 from mixpinn.base.errors import InputError
+from mixpinn.base.text import read_text
 
 C = TypeVar("C")
 
 
 def read_config_file(path: Path | str) -> dict[str, Any]:
-    """Read a ``.toml`` or ``.json`` configuration as a nested dictionary.
+    """Read a ``.json`` or else TOML configuration, as any editor saves it, as a nested dictionary.
 
     Raises:
         InputError: absent, unreadable, or of another type.
     """
     path = Path(path)
+    text = read_text(path, expected="a configuration file").lstrip("\ufeff").replace("\r\n", "\n")
     try:
-        text = path.read_text(encoding="utf-8")
-        values = tomllib.loads(text) if path.suffix == ".toml" else json.loads(text)
-    except FileNotFoundError as error:
-        raise InputError(
-            str(path), expected="a configuration file", got="no such file", fix="check the path",
-        ) from error
-    except OSError as error:
-        raise InputError(
-            str(path), expected="a readable configuration file", got=error.strerror or str(error), fix="check the path",
-        ) from error
-    except (tomllib.TOMLDecodeError, json.JSONDecodeError, UnicodeDecodeError) as error:
-        raise InputError(str(path), expected="TOML or JSON", got=str(error), fix="mend the syntax") from error
+        values = json.loads(text) if path.suffix.lower() == ".json" else tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        hint = "mend the syntax"
+        if "\\" in text:
+            hint = "write a path with backslashes in single quotes ('C:\\data') or with forward slashes"
+        raise InputError(str(path), expected="TOML", got=str(error), fix=hint) from error
+    except (ValueError, RecursionError) as error:
+        raise InputError(str(path), expected="JSON", got=str(error), fix="mend the syntax") from error
     if not isinstance(values, dict):
         raise InputError(
             str(path), expected="settings by name", got=type(values).__name__, fix='write for example {"seed": 1}',
@@ -99,6 +98,18 @@ def _refuse_unknown(kind: Any, values: Mapping[str, Any], where: str) -> None:
                 _refuse_unknown(typing.get_args(nested)[1], entry, f"{where}{key}.{name}.")
 
 
+def _refuse_infinite(value: Any, where: str) -> None:
+    """No setting means anything that is not finite."""
+    if isinstance(value, Mapping):
+        for key, entry in value.items():
+            _refuse_infinite(entry, f"{where}.{key}" if where else str(key))
+    elif isinstance(value, list | tuple):
+        for entry in value:
+            _refuse_infinite(entry, where)
+    elif isinstance(value, float) and not math.isfinite(value):
+        raise InputError(where, expected="a finite number", got=repr(value), fix="correct the setting")
+
+
 def _defaults(kind: Any) -> dict[str, Any]:
     """Defaults of `kind` as nested dictionaries; none where a setting has no default."""
     required = [
@@ -121,6 +132,7 @@ def build_config(kind: type[C], *layers: Mapping[str, Any]) -> C:
     for layer in layers:
         given = merge(given, layer)
     _refuse_unknown(kind, given, "")
+    _refuse_infinite(given, "")
     values = merge(_defaults(kind), given)
     try:
         return TypeAdapter(kind).validate_python(values)

@@ -21,6 +21,14 @@ NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EACCES, errno.EPERM, e
 """What the system says where a file cannot be written for want of room or permission."""
 
 
+_FOREIGN = ("thumbs.db", "desktop.ini", "ehthumbs.db")
+
+
+def is_foreign(name: str) -> bool:
+    """Whether a file of this name is a file manager's or an unfinished one: hidden files, ``Thumbs.db``."""
+    return name.startswith(".") or name.lower() in _FOREIGN
+
+
 def make_folder(folder: Path | str) -> None:
     """Create `folder` and those above it, if absent.
 
@@ -89,7 +97,7 @@ def _to_disk(path: Path) -> None:
 def write_text(path: Path | str, text: str) -> None:
     """Write `text` to `path` atomically."""
     with atomic_path(path) as temporary:
-        temporary.write_text(text)
+        temporary.write_text(text, encoding="utf-8")
 
 
 def _plain(value: Any) -> Any:
@@ -117,7 +125,7 @@ def read_json(path: Path | str) -> Any:
     """
     path = Path(path)
     try:
-        return json.loads(path.read_text())
+        return json.loads(path.read_text(encoding="utf-8-sig"))
     except FileNotFoundError as error:
         raise InputError(str(path), expected="a JSON file", got="no such file", fix="check the path") from error
     except (IsADirectoryError, NotADirectoryError) as error:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from mixpinn.base.errors import InputError
-from mixpinn.base.files import hash_file, make_folder, read_json, write_json
+from mixpinn.base.files import hash_file, is_foreign, make_folder, read_json, write_json
 from mixpinn.base.lock import acquire, given_back, release
 
 RECORD = "run.json"
@@ -42,7 +42,7 @@ def _hash_inputs(inputs: Mapping[str, Path | str]) -> dict[str, str]:
 
 
 def _visible_files(folder: Path) -> list[Path]:
-    return sorted(path for path in folder.iterdir() if path.is_file() and not path.name.startswith("."))
+    return sorted(path for path in folder.iterdir() if path.is_file() and not is_foreign(path.name))
 
 
 run_scope = given_back
@@ -101,7 +101,7 @@ def withdraw_unused_runs() -> None:
     while _begun:
         folder, existed = _begun.pop()
         release(folder)
-        if folder.is_dir() and [path.name for path in folder.iterdir()] == [RECORD]:
+        if folder.is_dir() and [path.name for path in folder.iterdir() if not is_foreign(path.name)] == [RECORD]:
             (folder / RECORD).unlink()
             if not existed:
                 folder.rmdir()

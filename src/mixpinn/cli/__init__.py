@@ -1,16 +1,25 @@
 """The command line: one verb a stage, each a few lines that call the stage's public function."""
 
+import contextlib
 import logging
+import signal
 import sys
 import warnings
-
-from mixpinn.base.errors import MixpinnError
-from mixpinn.base.files import NO_ROOM
-from mixpinn.base.rundir import withdraw_unused_runs
-from mixpinn.cli import model_verbs, run_verbs  # noqa: F401 (they add their verbs to the application)
-from mixpinn.cli.app import app
+from types import FrameType
+from typing import Any
 
 __all__ = ["app", "main"]
+
+_INTERRUPTED = 128 + signal.SIGINT
+_stopped_by = [signal.SIGINT]
+"""The signal that stops this process, for its exit code."""
+
+
+def __getattr__(name: str) -> Any:
+    """`app` is imported when it is asked for, so that `main` is there before anything can be interrupted."""
+    if name != "app":
+        raise AttributeError(f"module 'mixpinn.cli' has no attribute {name!r}")
+    return _application()
 
 
 def main() -> None:
@@ -19,19 +28,61 @@ def main() -> None:
     logging.basicConfig(handlers=[logging.NullHandler()])
     if not sys.warnoptions:
         warnings.simplefilter("ignore")
+    _print_on_any_terminal()
+    with contextlib.suppress(ValueError):  # not the main thread: whoever started it handles its signals
+        signal.signal(signal.SIGTERM, _terminate)
     try:
-        sys.exit(app(standalone_mode=True) or 0)
+        _run()
+    except KeyboardInterrupt:
+        _leave("stopped; the same command continues from here", 128 + _stopped_by[0])
+
+
+def _run() -> None:
+    from mixpinn.base.compile_cache import settle_compile_cache
+
+    settle_compile_cache()
+    from mixpinn.base.errors import MixpinnError, SolveError
+    from mixpinn.base.files import NO_ROOM
+
+    try:
+        sys.exit(_application()(standalone_mode=True) or 0)
+    except SystemExit as end:
+        if end.code == _INTERRUPTED:  # typer makes an exit of the interruption
+            raise KeyboardInterrupt from end
+        raise
+    except SolveError as error:
+        _leave(str(error), 1)
     except MixpinnError as error:
         _leave(str(error), 2)
     except OSError as error:
         if error.errno not in NO_ROOM:
             raise
         _leave(f"{error.filename or 'output'}: {error.strerror}; free some space or choose another folder", 2)
-    except KeyboardInterrupt:
-        _leave("stopped; the same command continues from here", 130)
+
+
+def _application() -> Any:
+    from mixpinn.cli import model_verbs, run_verbs  # noqa: F401 (they add their verbs to the application)
+    from mixpinn.cli.app import app
+
+    return app
+
+
+def _terminate(number: int, frame: FrameType | None) -> None:
+    _stopped_by[0] = signal.Signals(number)
+    raise KeyboardInterrupt
+
+
+def _print_on_any_terminal() -> None:
+    """Signs that the terminal's encoding lacks are replaced."""
+    for stream in (sys.stdout, sys.stderr):
+        reconfigure = getattr(stream, "reconfigure", None)
+        if reconfigure is not None:
+            reconfigure(errors="replace")
 
 
 def _leave(message: str, code: int) -> None:
+    from mixpinn.base.rundir import withdraw_unused_runs
+
     withdraw_unused_runs()
     print(f"mixpinn: {message}", file=sys.stderr)
     sys.exit(code)

@@ -78,7 +78,11 @@ def mesh(
     settings = build_config(MeshConfig, *settings_layers(
         config, overrides, size=size, mesher=mesher, fixed=fixed and str(fixed),
     ))
-    given: LabelMap | Path = source if source.suffix == ".vtu" else LabelMap.load(source / "labels.nii.gz")
+    given: LabelMap | Path = source
+    if source.is_dir():
+        given = LabelMap.load(source / "labels.nii.gz")
+    elif source.name.lower().endswith((".nii.gz", ".nii")):
+        given = LabelMap.load(source)
     result = make_mesh(given, settings, out=out)
     say(result.statistics.table())
     say(quality_table(result.quality).rich())

@@ -9,6 +9,7 @@ import numpy as np
 
 from mixpinn.base.arrays import FloatArray
 from mixpinn.base.errors import InputError
+from mixpinn.base.text_table import read_columns
 from mixpinn.geometry.probe_pose import probe_rotation
 from mixpinn.records import ProbePath
 
@@ -50,9 +51,11 @@ class Protocol:
     def __post_init__(self) -> None:
         checks = {
             "rotations": (0 < len(self.rotations) == len(set(self.rotations)), "distinct angles"),
-            "step": (self.step > 0, "a positive length"),
+            "approach": (0.0 <= self.approach < np.inf, "0 mm or more"),
+            "lag": (abs(self.lag) < np.inf, "a length"),
+            "step": (0.0 < self.step < np.inf, "a positive length"),
             "steps": (self.steps >= 1, "at least 1"),
-            "spacing": (self.spacing > 0, "a positive length"),
+            "spacing": (0.0 < self.spacing < np.inf, "a positive length"),
             "direction": (float(np.linalg.norm(self.direction)) > 1e-9, "a vector that is not zero"),
             "max_positions": (self.max_positions is None or self.max_positions >= 1, "at least 1"),
         }
@@ -88,6 +91,9 @@ SMALL = Protocol(rotations=(0.0,), approach=0.0, steps=10, start="touch", max_po
 
 TINY = Protocol(rotations=(0.0, 90.0), approach=0.0, step=1.5, steps=3, start="touch", spacing=20.0, max_positions=4)
 """Four positions, two rotations, three steps of 1.5 mm: for trying things out."""
+
+_POSITION = {axis: (f"{axis}_mm", f"tip_{axis}", f"position_{axis}", f"pos_{axis}") for axis in "xyz"}
+"""What the columns of a list of positions may be called."""
 
 PROTOCOLS = {"paper": PAPER, "sofa-replay": SOFA_REPLAY, "anatomy": ANATOMY, "small": SMALL, "tiny": TINY}
 
@@ -143,24 +149,15 @@ def probe_path(position: Sequence[float] | FloatArray, rotation_deg: float, prot
 
 
 def read_positions(path: Path | str) -> FloatArray:
-    """Read probe positions from a text file, one ``x y z`` [mm] a line (``#`` begins a comment), shape (p, 3).
+    """Read probe positions from a table with the columns x, y and z [mm] (see `read_columns`), shape (p, 3).
+
+    Without a line of names each row is ``x y z``; ``#`` begins a comment.
 
     Raises:
         InputError: absent, not numbers, not three a line, or not finite.
     """
-    path = Path(path)
-    if not path.is_file():
-        raise InputError(str(path), expected="a list of probe positions", got="no such file", fix="check the path")
-    try:
-        lines = [line.partition("#")[0].replace(",", " ").split() for line in path.read_text().splitlines()]
-        positions = np.array([[float(item) for item in line] for line in lines if line], dtype=np.float64)
-    except (ValueError, UnicodeDecodeError) as error:
-        raise InputError(
-            str(path), expected="three numbers a line", got=str(error), fix="write one 'x y z' in mm a line",
-        ) from error
-    if positions.ndim != 2 or positions.shape[1] != 3 or not len(positions) or not np.isfinite(positions).all():
-        raise InputError(
-            str(path), expected="three finite numbers a line", got=f"an array of shape {positions.shape}",
-            fix="write one 'x y z' in mm a line",
-        )
+    fix = "write one 'x y z' in mm a line"
+    positions = read_columns(path, _POSITION, unit="mm", expected="a list of probe positions", fix=fix)
+    if not np.isfinite(positions).all():
+        raise InputError(str(path), expected="three finite numbers a line", got="NaN or infinity", fix=fix)
     return positions

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from mixpinn.base.files import hash_arrays, write_json
+from mixpinn.base.files import hash_arrays, is_foreign, write_json
 from mixpinn.base.validated import load_record
 from mixpinn.records import Simulation
 
@@ -82,7 +82,8 @@ def content_hash(simulation: Simulation) -> str:
 def folder_sizes(folder: Path) -> dict[str, int]:
     """Size of each file below `folder` [byte], by relative path."""
     return {
-        path.relative_to(folder).as_posix(): path.stat().st_size for path in sorted(folder.rglob("*")) if path.is_file()
+        path.relative_to(folder).as_posix(): path.stat().st_size for path in sorted(folder.rglob("*"))
+        if path.is_file() and not is_foreign(path.name)
     }
 
 

@@ -8,6 +8,7 @@ from skimage.measure import marching_cubes
 
 from mixpinn.base.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from mixpinn.base.errors import InputError
+from mixpinn.base.sensible import not_negative, require_settings
 from mixpinn.mesh.surface import DomainSurfaces, Surface
 from mixpinn.records.label_map import LabelMap
 
@@ -33,6 +34,9 @@ class SurfaceConfig:
     body_smoothing: float = 1.0
     rigid_smoothing: float = 0.8
     gap: float = 3.5
+
+    def __post_init__(self) -> None:
+        require_settings(self, "surface", not_negative(self, "body_smoothing", "rigid_smoothing", "gap"))
 
 
 def signed_distance(mask: BoolArray, spacing: FloatArray) -> FloatArray:

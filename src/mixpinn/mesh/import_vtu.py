@@ -1,6 +1,5 @@
 """Import of ready tetrahedral meshes."""
 
-import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -10,8 +9,10 @@ import pyvista as pv
 
 from mixpinn.base.arrays import AnyArray, BoolArray
 from mixpinn.base.errors import InputError
+from mixpinn.base.text import read_text
 from mixpinn.mesh.label import fixed_nodes
 from mixpinn.mesh.orientation import check_cells, orient_cells
+from mixpinn.mesh.read_grid import ORIGINAL, keep, read_tetrahedra
 from mixpinn.records.tissue_mesh import TissueMesh
 
 _PART_ARRAYS = ("part", "rigid")
@@ -21,11 +22,13 @@ _LUMBAR = tuple(f"vertebrae_L{level}" for level in range(1, 6))
 
 def import_vtu(
     path: Path | str, *, fixed: Path | str | None = None, rigid_names: Sequence[str] | None = None,
+    part_array: str | None = None, soft_labels: Sequence[int] = (0,),
 ) -> TissueMesh:
-    """Import a ``.vtu`` (or any file of tetrahedra that `pyvista` reads), already in the world frame.
+    """Import a ``.vtu``, or any file of tetrahedra that `pyvista` or meshio reads, already in the world frame.
 
     The part of each node is read from the point data ``part`` or ``rigid`` (0 soft, k = 1 … K rigid part k); without
-    either all is soft tissue. Cells of negative volume are re-oriented.
+    either all is soft tissue. Where parts are given for cells, cells of rigid parts become cavities whose boundary
+    nodes belong to them. Cells of negative volume are re-oriented; points, lines and faces are left out.
 
     Args:
         path: the mesh, lengths in mm.
@@ -33,12 +36,14 @@ def import_vtu(
             count within the soft nodes by that array, otherwise within all nodes. Without a file the point data
             ``fixed`` decides, and without that the protocol's rule (`mixpinn.mesh.fixed_nodes`).
         rigid_names: names of the rigid parts 1 … K; by default those in the file, else ``part 1``, ``part 2``, …
+        part_array: other point or cell data that says the part, for example ``gmsh:physical``.
+        soft_labels: its values that mean soft tissue; the others are the rigid parts in ascending order.
 
     Raises:
         InputError: unreadable, not tetrahedra, flat or overlapping cells, unknown part labels, bad indices.
     """
     path = Path(path)
-    grid = _read(path)
+    grid = _with_parts(read_tetrahedra(path), part_array, soft_labels, str(path))
     what = str(path)
     points = np.asarray(grid.points, dtype=np.float64)
     if not np.isfinite(points).all():
@@ -52,7 +57,7 @@ def import_vtu(
         )
     part, names = _parts(grid, rigid_names, what)
     tissue_names = tuple(str(name) for name in grid.field_data.get("tissue_names", ["soft tissue"]))
-    tissue = np.asarray(grid.cell_data.get("tissue", np.zeros(len(cells)))).astype(np.int16)
+    tissue = _tissues(grid, len(cells), tissue_names, what)
     mesh = TissueMesh(points, cells, part, np.zeros(len(points), dtype=bool), names, tissue, tissue_names)
     if fixed is not None:
         held = _read_fixed(Path(fixed), grid)
@@ -69,26 +74,40 @@ def load_paper_mesh(folder: Path | str) -> TissueMesh:
     return import_vtu(folder / "body.vtu", fixed=folder / "fixed.txt", rigid_names=_LUMBAR)
 
 
-def _read(path: Path) -> pv.UnstructuredGrid:
-    expected, fix = "a readable tetrahedral mesh (.vtu)", "check the path or export the mesh again"
-    if not path.is_file():
-        raise InputError(str(path), expected=expected, got="no such file", fix=fix)
-    try:
-        with pv.vtk_verbosity("off"), warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            grid = pv.read(path)
-    except Exception as error:  # readers raise many kinds: unknown suffix, XML, encoding
-        raise InputError(str(path), expected=expected, got=f"{type(error).__name__}: {error}", fix=fix) from error
-    if not isinstance(grid, pv.UnstructuredGrid) or not grid.n_cells:
-        got = f"a damaged file or no cells ({type(grid).__name__})"
-        raise InputError(str(path), expected=expected, got=got, fix=fix)
-    kinds = {pv.CellType(kind).name.lower() for kind in np.unique(grid.celltypes)} - {"tetra"}
-    if kinds:
+def _with_parts(
+    grid: pv.UnstructuredGrid, array: str | None, soft_labels: Sequence[int], what: str,
+) -> pv.UnstructuredGrid:
+    """The grid with point data ``part``, where its parts come from data of cells or under another name."""
+    if array is None:
+        array = next((name for name in _PART_ARRAYS if name in grid.cell_data and name not in grid.point_data), None)
+        if array is None or any(name in grid.point_data for name in _PART_ARRAYS):
+            return grid
+    if array not in grid.point_data and array not in grid.cell_data:
+        known = [*grid.point_data.keys(), *grid.cell_data.keys()]
         raise InputError(
-            str(path), expected="linear tetrahedra only", got="cells of type " + ", ".join(sorted(kinds)),
-            fix="extract the tetrahedra or convert the mesh",
+            what, expected=f"data {array!r} on points or cells", got=", ".join(known) or "no data", fix="choose one",
         )
-    return grid
+    of_points = array in grid.point_data
+    labels = np.asarray(grid.point_data[array] if of_points else grid.cell_data[array])
+    if labels.ndim != 1 or not np.isfinite(labels).all() or (labels != np.floor(labels)).any():
+        raise InputError(what, expected=f"whole numbers as {array!r}", got="others", fix="number the parts")
+    part = np.zeros(len(labels), dtype=np.int16)
+    for number, label in enumerate((v for v in np.unique(labels) if v not in set(soft_labels)), start=1):
+        part[labels == label] = number
+    if of_points:
+        grid.point_data[_PART_ARRAYS[0]] = part
+        return grid
+    cells = np.asarray(grid.cells_dict[pv.CellType.TETRA])
+    soft, of_point = part == 0, np.zeros(grid.n_points, dtype=np.int16)
+    if not soft.any():
+        raise InputError(what, expected="cells of soft tissue", got="none",
+                         fix="say with soft_labels which values mean soft tissue")
+    for number in range(int(part.max()), 0, -1):
+        of_point[cells[part == number]] = number
+    grid.point_data[_PART_ARRAYS[0]] = of_point
+    used = np.zeros(grid.n_points, dtype=bool)
+    used[cells[soft]] = True
+    return keep(grid, cells[soft], soft, used)
 
 
 def _parts(grid: pv.UnstructuredGrid, names: Sequence[str] | None, what: str) -> tuple[AnyArray, tuple[str, ...]]:
@@ -115,17 +134,28 @@ def _parts(grid: pv.UnstructuredGrid, names: Sequence[str] | None, what: str) ->
     return part, tuple(names)
 
 
+def _tissues(grid: pv.UnstructuredGrid, count: int, names: Sequence[str], what: str) -> AnyArray:
+    tissue = np.asarray(grid.cell_data.get("tissue", np.zeros(count)))
+    known = tissue.ndim == 1 and np.isin(tissue, np.arange(len(names))).all()
+    if not known:
+        raise InputError(
+            what, expected=f"tissue numbers 0 … {len(names) - 1} ({', '.join(names)})",
+            got=f"{tissue[~np.isin(tissue, np.arange(len(names)))].ravel()[0]:g}",
+            fix="number the tissues as they are named in field data 'tissue_names'",
+        )
+    return tissue.astype(np.int16)
+
+
 def _read_fixed(path: Path, grid: pv.UnstructuredGrid) -> BoolArray:
     expected = "a text file of node indices"
     try:
-        indices = np.array(path.read_text().split(), dtype=np.int64)
-    except OSError as error:
-        got = error.strerror or str(error)
-        raise InputError(str(path), expected=expected, got=got, fix="check the path") from error
+        text = read_text(path, expected=expected).lstrip("\ufeff").replace(",", " ").replace(";", " ")
+        indices = np.array(text.split(), dtype=np.int64)
     except ValueError as error:
         raise InputError(str(path), expected=expected, got=str(error), fix="write one integer a line") from error
     in_soft = _SOFT_INDEX in grid.point_data
-    index = np.asarray(grid.point_data[_SOFT_INDEX]) if in_soft else np.arange(grid.n_points)
+    index = np.asarray(grid.point_data[_SOFT_INDEX if in_soft else ORIGINAL]) if (
+        in_soft or ORIGINAL in grid.point_data) else np.arange(grid.n_points)
     known = np.isin(indices, index[index >= 0])
     if not known.all():
         raise InputError(

@@ -9,6 +9,7 @@ from scipy import sparse
 
 from mixpinn.base.arrays import AnyArray, FloatArray, Int32Array
 from mixpinn.base.errors import InputError
+from mixpinn.base.sensible import positive, require_settings
 from mixpinn.mesh.grading import Grading
 from mixpinn.mesh.orientation import check_cells, flat_cells, orient_cells
 from mixpinn.mesh.surface import DomainSurfaces
@@ -31,6 +32,11 @@ class Sizing:
     facet_angle: float = 30.0
     facet_size: float = 30.0
     facet_approximation: float = 1.0
+
+    def __post_init__(self) -> None:
+        require_settings(self, "sizing", positive(
+            self, "cell_ratio", "cell_size", "facet_angle", "facet_size", "facet_approximation",
+        ))
 
     def scaled(self, size: float) -> "Sizing":
         """The criteria with all lengths multiplied by `size`: above 1 coarser, below 1 finer.

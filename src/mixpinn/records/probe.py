@@ -11,6 +11,9 @@ from mixpinn.base.errors import InputError
 from mixpinn.base.files import hash_arrays
 from mixpinn.records.vtk_file import write_vtk
 
+_SMALLEST, _LARGEST, _OFF = 2.0, 1000.0, 3.0
+"""Lengths that a probe has [mm], and how far its tip may be from the origin [mm]."""
+
 
 @dataclass(frozen=True, eq=False)
 class Probe:
@@ -65,6 +68,38 @@ class Probe:
                 got=f"{len(triangles)} readable triangles", fix="export the probe again as STL",
             )
         return Probe(points, triangles, path.stem)
+
+
+def check_probe(probe: Probe) -> None:
+    """Check that a surface is a probe as the protocol means it: in mm, its tip at the origin, pointing to −y.
+
+    Raises:
+        InputError: it is too small or too large for a probe, lies beside the origin, stands on its head, or lies on
+            its side.
+    """
+    low, high = probe.points.min(axis=0), probe.points.max(axis=0)
+    extent = float((high - low).max())
+    if not _SMALLEST <= extent <= _LARGEST:
+        unit = "metres" if extent < _SMALLEST else "micrometres"
+        raise InputError(
+            probe.name, expected="a probe of some centimetres, in mm", got=f"a surface {extent:.3g} mm long: {unit}?",
+            fix="export it in mm",
+        )
+    if low[1] < -_OFF and abs(high[1]) <= _OFF:
+        raise InputError(
+            probe.name, expected="a probe that points to −y", got="one that stands on its head, its tip pointing to +y",
+            fix="turn it by 180° about z",
+        )
+    tip = probe.points[probe.points[:, 1] <= low[1] + _OFF][:, [0, 2]]
+    beside = np.maximum(tip.min(axis=0), 0.0) + np.minimum(tip.max(axis=0), 0.0)
+    place = np.array([beside[0], low[1], beside[1]])
+    if (np.abs(place) > _OFF).any():
+        x, y, z = place
+        raise InputError(
+            probe.name, expected="the tip at the origin, pointing to −y",
+            got=f"its lowest points {np.linalg.norm(place):.0f} mm away from it (x {x:.0f}, y {y:.0f}, z {z:.0f})",
+            fix="move the tip to the origin and turn the probe so that it points to −y (x right, z along the body)",
+        )
 
 
 @dataclass(frozen=True, eq=False)

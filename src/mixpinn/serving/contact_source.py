@@ -1,6 +1,5 @@
-"""Where contact displacements come from: a CSV, JSON or NPZ file, or a sample of a simulation store."""
+"""Where contact displacements come from: a table, a JSON or NPZ file, or a sample of a simulation store."""
 
-import csv
 import zipfile
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,9 +9,18 @@ import numpy as np
 from mixpinn.base.arrays import AnyArray
 from mixpinn.base.errors import InputError
 from mixpinn.base.files import read_json
+from mixpinn.base.text_table import read_columns
 from mixpinn.records import Sample
 
-_FIX = "write columns node, dx, dy, dz (.csv) or 'nodes' and 'displacements' (.json, .npz)"
+_FIX = "write columns node, dx, dy, dz [mm] under these names (.csv) or 'nodes' and 'displacements' (.json, .npz)"
+_COLUMNS = {
+    "node": ("nodes", "node_id", "nodeid", "node_number", "id", "index", "point_id", "vtkoriginalpointids"),
+    **{
+        f"d{axis}": (f"u{axis}", f"u_{axis}", f"d_{axis}", f"displacement_{axis}", f"displacement:{k}",
+                     f"displacement_{k}") for k, axis in enumerate("xyz")
+    },
+}
+"""What the columns of a table may be called."""
 
 
 @dataclass(frozen=True)
@@ -35,8 +43,9 @@ class SampleAddress:
 def read_contacts(path: Path | str) -> tuple[AnyArray, AnyArray]:
     """Read contact nodes and their displacement.
 
-    ``.csv``: four columns, node id and displacement, a header line or none. ``.json``: an object with ``nodes``, ids,
-    and ``displacements``, three numbers each. ``.npz``: arrays of the same names.
+    ``.csv``, ``.tsv``, ``.txt``: a table with the columns ``node``, ``dx``, ``dy`` and ``dz`` (see `read_columns`),
+    found by the line of their names and only without one by their order. ``.json``: an object with ``nodes``, ids, and
+    ``displacements``, three numbers each. ``.npz``: arrays of the same names.
 
     Returns:
         node ids, shape (c,), and displacements [mm], shape (c, 3).
@@ -45,37 +54,37 @@ def read_contacts(path: Path | str) -> tuple[AnyArray, AnyArray]:
         InputError: absent, unreadable, or of another layout.
     """
     path = Path(path)
-    readers = {".csv": _read_csv, ".json": _read_json, ".npz": _read_npz}
-    if path.suffix not in readers:
-        raise InputError(str(path), expected=".csv, .json or .npz", got=path.suffix or "no suffix", fix=_FIX)
+    readers = {
+        **dict.fromkeys((".csv", ".tsv", ".txt", ".dat"), _read_table), ".json": _read_json, ".npz": _read_npz,
+    }
+    suffix = path.suffix.lower()
+    if suffix not in readers:
+        raise InputError(
+            str(path), expected="a table (.csv, .tsv, .txt), .json or .npz", got=suffix or "no suffix", fix=_FIX,
+        )
     if not path.is_file():
         raise InputError(str(path), expected="a file of contact nodes", got="no such file", fix="check the path")
     try:
-        nodes, displacements = readers[path.suffix](path)
-    except (KeyError, ValueError, TypeError, OSError, EOFError, zipfile.BadZipFile, csv.Error) as error:
+        nodes, displacements = readers[suffix](path)
+    except (KeyError, ValueError, TypeError, OSError, EOFError, zipfile.BadZipFile) as error:
         text = f"{type(error).__name__}: {error}"
         raise InputError(str(path), expected="contact nodes and their displacement", got=text, fix=_FIX) from error
-    return nodes, displacements
+    return _whole(path, np.asarray(nodes)), displacements
 
 
-def _read_csv(path: Path) -> tuple[AnyArray, AnyArray]:
-    with path.open(newline="") as file:
-        rows = [row for row in csv.reader(file) if row and not row[0].lstrip().startswith("#")]
-    if rows and not any(_is_number(value) for value in rows[0]):
-        rows = rows[1:]
-    wrong = next((row for row in rows if len(row) != 4), None)
-    if wrong is not None:
-        raise ValueError(f"a row of {len(wrong)} instead of 4 columns: {','.join(wrong)}")
-    nodes = np.array([int(row[0]) for row in rows], dtype=np.int64)
-    return nodes, np.array([[float(value) for value in row[1:]] for row in rows], dtype=np.float64).reshape(-1, 3)
+def _whole(path: Path, nodes: AnyArray) -> AnyArray:
+    """Node ids as integers, also where a program wrote them as 302.0."""
+    if nodes.dtype.kind != "f":
+        return nodes
+    wrong = nodes[~(np.isfinite(nodes) & (nodes == np.rint(nodes)) & (np.abs(nodes) < 2.0**53))]
+    if len(wrong):
+        raise InputError(str(path), expected="whole numbers as node ids", got=f"{wrong[0]:g}", fix=_FIX)
+    return nodes.astype(np.int64)
 
 
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
+def _read_table(path: Path) -> tuple[AnyArray, AnyArray]:
+    values = read_columns(path, _COLUMNS, unit="mm", expected="contact nodes and their displacement", fix=_FIX)
+    return values[:, 0], values[:, 1:]
 
 
 def _read_json(path: Path) -> tuple[AnyArray, AnyArray]:

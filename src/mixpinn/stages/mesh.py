@@ -10,10 +10,12 @@ from mixpinn.base.files import write_json, write_text
 from mixpinn.base.manifest import Artefact
 from mixpinn.base.progress import console, progress_bar
 from mixpinn.base.rundir import finish_run, is_finished, run_scope, start_run
+from mixpinn.base.sensible import positive, require_settings
 from mixpinn.base.validated import load_record
 from mixpinn.mesh.bisect import refine_to
 from mixpinn.mesh.cgal_mesher import CgalMesher
 from mixpinn.mesh.check_surface import check_surfaces
+from mixpinn.mesh.condition import check_unit, mesh_warnings
 from mixpinn.mesh.ears import peel_flat_ears
 from mixpinn.mesh.extract import SurfaceConfig, extract_surfaces
 from mixpinn.mesh.fidelity import MeshFidelity, mesh_fidelity
@@ -53,6 +55,7 @@ class MeshConfig:
         surface: smoothing and gap, the same at every size.
         fixed: for an imported mesh, a file of the indices of fixed nodes.
         rigid_names: for an imported mesh, names of its rigid parts.
+        part_array, soft_labels: for an imported mesh, other data that says the part, and what of it is soft tissue.
         picture: draw ``mesh.png``.
     """
 
@@ -65,9 +68,12 @@ class MeshConfig:
     surface: SurfaceConfig = field(default_factory=SurfaceConfig)
     fixed: str | None = None
     rigid_names: tuple[str, ...] | None = None
+    part_array: str | None = None
+    soft_labels: tuple[int, ...] = (0,)
     picture: bool = True
 
     def __post_init__(self) -> None:
+        require_settings(self, "mesh", positive(self, "size"))
         if self.facets is not None and self.cells != "graded":
             raise InputError(
                 "facets", expected="graded cells", got=f"cells = {self.cells!r}", fix="leave one of the two out",
@@ -173,13 +179,23 @@ def make_mesh(
             draw_mesh(result.mesh, out / "mesh.png")
         except InputError as error:  # a mesh without its picture is still a mesh
             console.print(f"no picture: {error}")
-    finish_run(out, {"points": result.mesh.n_points, "hash": result.mesh.hash(), "quality": asdict(result.quality)})
+    finish_run(out, {
+        "points": result.mesh.n_points, "hash": result.mesh.hash(), "quality": asdict(result.quality),
+        "warnings": mesh_warnings(result.mesh),
+    })
     return result
 
 
 def _build(source: LabelMap | DomainSurfaces | Path | str, config: MeshConfig) -> tuple[TissueMesh, LabelMap | None]:
     if isinstance(source, Path | str):
-        return import_vtu(source, fixed=config.fixed, rigid_names=config.rigid_names), None
+        mesh = import_vtu(
+            source, fixed=config.fixed, rigid_names=config.rigid_names, part_array=config.part_array,
+            soft_labels=config.soft_labels,
+        )
+        check_unit(mesh, what=str(source))
+        for line in mesh_warnings(mesh):
+            console.print(f"[yellow]warning[/]: {line}", soft_wrap=True)
+        return mesh, None
     label_map = source if isinstance(source, LabelMap) else None
     mesher = make_mesher(config.mesher)
     if isinstance(source, LabelMap):

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from mixpinn.records.answer import Answer
+from mixpinn.serving.contact_sense import check_contacts
 from mixpinn.serving.contact_source import SampleAddress, read_contacts, read_sample
 from mixpinn.serving.load import AnyPredictor
 
@@ -23,6 +24,8 @@ def answer_contacts(predictor: AnyPredictor, source: Path | str | SampleAddress)
         >>> answer_contacts(load("runs/model"), "contacts.csv").save("deformed.vtu")
     """
     if not isinstance(source, SampleAddress):
-        return predictor.predict_at(*read_contacts(source))
+        nodes, displacements = read_contacts(source)
+        check_contacts(predictor.mesh, nodes, displacements, what=str(source))
+        return predictor.predict_at(nodes, displacements)
     sample = read_sample(source, mesh_hash=predictor.mesh_hash)
     return predictor.predict_at(sample.contact_nodes, sample.contact_displacement, reference=sample.displacement)

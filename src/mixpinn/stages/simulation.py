@@ -7,7 +7,7 @@ from typing import Literal
 
 from mixpinn.base.arrays import FloatArray
 from mixpinn.base.config import build_config
-from mixpinn.base.errors import InputError
+from mixpinn.base.errors import InputError, SolveError
 from mixpinn.base.rundir import finish_run, run_scope, start_run
 from mixpinn.dataset import (
     ANATOMY,
@@ -35,6 +35,7 @@ from mixpinn.fem import (
 from mixpinn.fem.scene_record import JOINTS, refuse_joints
 from mixpinn.geometry.probe_shapes import linear_probe
 from mixpinn.records import Probe, TissueMesh
+from mixpinn.records.probe import check_probe
 
 STORE = "store"
 Energy = Literal["stable", "stable-log", "linear"]
@@ -61,6 +62,9 @@ class TissueConfig:
     mu: float | None = None
     lam: float | None = None
     energy: Energy = "stable"
+
+    def __post_init__(self) -> None:
+        self.material()  # constants of no stable material are refused when they are given
 
     def material(self) -> Material:
         """The constitutive law, in N/mm².
@@ -140,6 +144,7 @@ def make_scene(mesh: TissueMesh, config: SimulationConfig) -> Scene:
         )
     materials = tuple(config.tissues.get(name, config.tissue).material() for name in mesh.tissue_names)
     probe = linear_probe() if config.probe is None else Probe.load(config.probe)
+    check_probe(probe)
     return Scene(mesh, probe, materials, config.contact, config.solver)
 
 
@@ -255,6 +260,11 @@ def make_simulations(
             str(out), expected="at least one pose that can be simulated",
             got=f"{summary.failed} failures, the first: {next(iter(summary.reasons), 'unknown')}",
             fix="correct the settings and simulate into another folder",
+        )
+    if summary.steps and summary.failed_steps >= summary.steps:
+        raise SolveError(
+            f"{out}: none of {summary.steps} steps converged; is the mesh held by fixed nodes, in one piece and in mm? "
+            "'mixpinn mesh' says what is odd about it"
         )
     save_pose_map(store, out / "poses.png")
     finish_run(out, summary.totals())

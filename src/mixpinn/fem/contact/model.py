@@ -30,6 +30,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mixpinn.base.arrays import BoolArray, FloatArray, IntArray
+from mixpinn.base.sensible import not_negative, positive, require_settings
 from mixpinn.fem.contact.surfaces import SkinPatch, SkinSurface
 from mixpinn.geometry.probe_pose import ProbePose
 from mixpinn.geometry.probe_surface import ProbeSurface
@@ -62,6 +63,11 @@ class ContactConfig:
     smoothing: float = 0.02
     spacing: float = 2.0
     dragging: bool = True
+
+    def __post_init__(self) -> None:
+        require_settings(self, "contact", {
+            **not_negative(self, "gap", "alarm", "friction"), **positive(self, "stiffness", "smoothing", "spacing"),
+        })
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,6 +16,7 @@ import scipy.sparse as sp
 
 from mixpinn.base.arrays import BoolArray, FloatArray, IntArray
 from mixpinn.base.errors import SolveError
+from mixpinn.base.sensible import not_negative, positive, require_settings
 from mixpinn.fem.contact.model import ContactModel, FrictionFrame
 from mixpinn.fem.contact.problem import ContactForces, ContactProblem
 from mixpinn.fem.contact.surfaces import SkinPatch
@@ -49,6 +50,13 @@ class SolverConfig:
     updates: int = 30
     slow: float = 0.5
     threads: int | None = None
+
+    def __post_init__(self) -> None:
+        require_settings(self, "solver", {
+            **positive(self, "tolerance", "force_floor"), "max_iterations": (self.max_iterations >= 1, "at least 1"),
+            **not_negative(self, "max_cuts", "updates", "slow"),
+            "threads": (self.threads is None or self.threads >= 1, "at least 1"),
+        })
 
 
 @dataclass

@@ -1,0 +1,68 @@
+"""What is odd about a ready mesh before it is simulated: its unit, its pieces, its parts, what holds it."""
+
+from collections.abc import Iterator
+
+import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+from mixpinn.base.arrays import IntArray
+from mixpinn.base.errors import InputError
+from mixpinn.records.tissue_mesh import TissueMesh
+
+_METRES, _CENTIMETRES, _LARGEST = 5.0, 60.0, 5000.0
+"""Bodies less long than the first [mm] are none; less long than the second they may be in centimetres."""
+
+
+def check_unit(mesh: TissueMesh, *, what: str) -> None:
+    """Refuse a mesh whose lengths cannot be millimetres.
+
+    Raises:
+        InputError: it is smaller than 5 mm or larger than 5 m.
+    """
+    extent = float(np.ptp(mesh.points, axis=0).max())
+    if _METRES <= extent <= _LARGEST:
+        return
+    unit = "metres" if extent < _METRES else "micrometres"
+    raise InputError(
+        what, expected="lengths in mm", got=f"a mesh {extent:.3g} mm long: they look like {unit}",
+        fix=f"multiply its points by {'1000' if extent < _METRES else '0.001'}",
+    )
+
+
+def mesh_warnings(mesh: TissueMesh) -> tuple[str, ...]:
+    """What a user should know before simulating, a line each."""
+    return tuple(_warnings(mesh))
+
+
+def _warnings(mesh: TissueMesh) -> Iterator[str]:
+    extent = float(np.ptp(mesh.points, axis=0).max())
+    if extent < _CENTIMETRES:
+        yield f"the mesh is {extent:.3g} mm long: are its lengths centimetres?"
+    piece = _pieces(mesh)
+    count = int(piece.max()) + 1
+    if count > 1:
+        sizes = np.bincount(piece)
+        free = [k for k in range(count) if not mesh.fixed[piece == k].any()]
+        largest = ", ".join(map(str, sorted(sizes, reverse=True)[:5]))
+        detail = f"{count} pieces that are not connected, of {largest} nodes"
+        yield detail + (f"; {len(free)} of them without a fixed node" if free else "")
+    doubled = mesh.n_points - len(np.unique(np.round(mesh.points, 6), axis=0))
+    if doubled:
+        yield f"{doubled} points lie at the place of another: surfaces that should be joined are not"
+    if not mesh.fixed.any():
+        yield "no node is fixed: nothing holds the body while the probe presses"
+    if not mesh.rigid_names:
+        yield "no rigid part: all of it is soft tissue"
+
+
+def _pieces(mesh: TissueMesh) -> IntArray:
+    """Number of the piece that each node belongs to; rigid parts hold theirs together."""
+    edges = np.concatenate([mesh.cells[:, [0, k]] for k in (1, 2, 3)])
+    for part in range(1, len(mesh.rigid_names) + 1):
+        nodes = np.flatnonzero(mesh.part == part)
+        edges = np.concatenate([edges, np.column_stack([nodes[:-1], nodes[1:]])])
+    ones = np.ones(len(edges))
+    graph = coo_matrix((ones, (edges[:, 0], edges[:, 1])), shape=(mesh.n_points, mesh.n_points))
+    labels: IntArray = connected_components(graph, directed=False)[1]
+    return labels

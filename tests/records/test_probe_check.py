@@ -1,0 +1,26 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mixpinn.base.errors import InputError
+from mixpinn.geometry.probe_shapes import linear_probe, spherical_probe
+from mixpinn.records.probe import Probe, check_probe
+
+PROBE = linear_probe()
+
+
+def test_probes_as_the_protocol_means_them(shared_data):
+    for probe in (PROBE, spherical_probe(), Probe.load(shared_data / "patient1/paper/probe_collision.stl")):
+        check_probe(probe)
+
+
+@pytest.mark.parametrize(("points", "says"), [
+    (PROBE.points * 1e-3, "metres"), (PROBE.points * 1e3, "micrometres"), (PROBE.points * [1, -1, 1], "on its head"),
+    (PROBE.points + np.array([120.0, 35.0, -60.0]), "away from it"), (PROBE.points + np.array([40.0, 0.0, 0.0]), "away from it"),
+    (np.column_stack([PROBE.points[:, 0], -PROBE.points[:, 2], PROBE.points[:, 1]]), "away from it"),
+    (PROBE.points + np.array([0.0, 8.0, 0.0]), "away from it"),
+], ids=["metres", "micrometres", "head", "beside", "shifted", "z up", "above"])
+def test_what_is_no_probe(points, says):
+    with pytest.raises(InputError, match=says):
+        check_probe(replace(PROBE, points=np.asarray(points)))
