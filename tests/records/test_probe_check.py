@@ -17,7 +17,8 @@ def test_probes_as_the_protocol_means_them(shared_data):
 
 @pytest.mark.parametrize(("points", "says"), [
     (PROBE.points * 1e-3, "metres"), (PROBE.points * 1e3, "micrometres"), (PROBE.points * [1, -1, 1], "on its head"),
-    (PROBE.points + np.array([120.0, 35.0, -60.0]), "away from it"), (PROBE.points + np.array([40.0, 0.0, 0.0]), "away from it"),
+    (PROBE.points + np.array([120.0, 35.0, -60.0]), "away from it"),
+    (PROBE.points + np.array([40.0, 0.0, 0.0]), "away from it"),
     (np.column_stack([PROBE.points[:, 0], -PROBE.points[:, 2], PROBE.points[:, 1]]), "away from it"),
     (PROBE.points + np.array([0.0, 8.0, 0.0]), "away from it"),
 ], ids=["metres", "micrometres", "head", "beside", "shifted", "z up", "above"])

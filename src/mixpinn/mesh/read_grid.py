@@ -70,7 +70,7 @@ def _read(path: Path) -> pv.UnstructuredGrid:
 
 
 def _through_meshio(path: Path) -> Any:
-    import meshio  # type: ignore[import-untyped]
+    import meshio
 
     try:
         with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
