@@ -71,17 +71,18 @@ def test_simulations_of_several_meshes_are_refused(store):
         table_of(several)
 
 
-def test_samples_of_quadratic_cells_are_those_of_the_vertices(tmp_path):
+def test_samples_of_quadratic_cells_have_all_nodes(tmp_path):
     mesh = block(3).with_order(2)
     store = filled_store(tmp_path, FakeScene(mesh))
     assert store.mesh().order == 2
     assert store.mesh_hash == mesh.hash() != block(3).hash()
     whole, table = store.load(store.poses[0]), build_sample_table(store, contact="listed")
     assert whole.displacement.shape[1] == mesh.n_nodes
-    assert table.displacement.shape[1] == mesh.n_points
-    assert (table.contact_nodes < mesh.n_points).all()
     steps = whole.sample_steps()
-    np.testing.assert_array_equal(table.displacement[: len(steps)], whole.displacement[steps][:, : mesh.n_points])
+    np.testing.assert_array_equal(table.displacement[: len(steps)], whole.displacement[steps])
+    seen = table.on_vertices(mesh.n_points)
+    np.testing.assert_array_equal(seen.displacement, table.displacement[:, : mesh.n_points])
+    assert (seen.contact_nodes < mesh.n_points).all()
     # A store of linear cells on the same vertices is another one: their tables may not be mixed.
     linear = FakeScene(block(3))
     path = whole.path

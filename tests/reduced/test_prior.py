@@ -103,8 +103,3 @@ def test_a_low_rank_prior_keeps_its_stated_error(tmp_path, mesh, top, prior) -> 
     # Contact nodes are still exactly where they are put.
     moved = np.tile([0.0, -0.7, 0.0], (6, 1))
     assert_allclose(again.predict(top[3:9], moved)[top[3:9]], moved, atol=1e-5)
-
-
-def test_quadratic_cells_are_refused(mesh):
-    with pytest.raises(InputError, match="with_order"):
-        ElasticPrior.build(mesh.with_order(2), [TISSUE])

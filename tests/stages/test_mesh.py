@@ -84,6 +84,17 @@ def test_import_as_a_stage(tmp_path):
     assert MeshResult.load(tmp_path / "run").fidelity is None
 
 
+def test_quadratic_elements_are_a_choice(tmp_path):
+    box_mesh(cavity=np.s_[1:3, 1:3, 1:2]).save(tmp_path / "box.vtu")
+    made = make_mesh(tmp_path / "box.vtu", MeshConfig(element="quadratic"), out=tmp_path / "run").mesh
+    again = MeshResult.load(tmp_path / "run").mesh
+    assert made.order == again.order == 2
+    assert made.hash() == again.hash()
+    assert made.n_nodes == made.n_points + len(made.edges)
+    linear = make_mesh(tmp_path / "box.vtu", MeshConfig(picture=False)).mesh
+    assert linear.hash() == made.with_order(1).hash() != made.hash()
+
+
 def test_bad_input_leaves_no_folder(tmp_path):
     with pytest.raises(InputError, match="no such file"):
         make_mesh(tmp_path / "absent.vtu", out=tmp_path / "run")

@@ -53,6 +53,8 @@ class MeshConfig:
         grading: edge lengths of graded cells at size 1.
         sizing: criteria of the mesher for uniform cells at size 1.
         surface: smoothing and gap, the same at every size.
+        element: of the finite elements on the cells: ``linear`` tetrahedra with four nodes, or ``quadratic`` ones with
+            ten, the midpoints of their edges among them.
         fixed: for an imported mesh, a file of the indices of fixed nodes.
         rigid_names: for an imported mesh, names of its rigid parts.
         part_array, soft_labels: for an imported mesh, other data that says the part, and what of it is soft tissue.
@@ -66,6 +68,7 @@ class MeshConfig:
     grading: Grading = field(default_factory=Grading)
     sizing: Sizing = field(default_factory=Sizing)
     surface: SurfaceConfig = field(default_factory=SurfaceConfig)
+    element: Literal["linear", "quadratic"] = "linear"
     fixed: str | None = None
     rigid_names: tuple[str, ...] | None = None
     part_array: str | None = None
@@ -187,6 +190,11 @@ def make_mesh(
 
 
 def _build(source: LabelMap | DomainSurfaces | Path | str, config: MeshConfig) -> tuple[TissueMesh, LabelMap | None]:
+    mesh, label_map = _cells(source, config)
+    return mesh.with_order(2 if config.element == "quadratic" else mesh.order), label_map
+
+
+def _cells(source: LabelMap | DomainSurfaces | Path | str, config: MeshConfig) -> tuple[TissueMesh, LabelMap | None]:
     if isinstance(source, Path | str):
         mesh = import_vtu(
             source, fixed=config.fixed, rigid_names=config.rigid_names, part_array=config.part_array,
