@@ -47,6 +47,12 @@ class Scene:
             )
 
         object.__setattr__(self, "joints", tuple(self.joints))
+        discs = [name for name in self.mesh.tissue_names if "disc" in name.lower()]
+        if self.joints and discs:
+            raise InputError(
+                "scene", expected="discs as a tissue, or joints between the vertebrae", got=f"both: {', '.join(discs)}",
+                fix="leave the joints out, or label the discs as the tissue around them: together they count twice",
+            )
         JointSystem(self.joints, self.mesh.rigid_names, np.zeros((self.mesh.n_parts, 3)))  # refuses unknown parts
 
     def hash(self) -> str:

@@ -1,6 +1,6 @@
 """Joints assembled with the elastic body: derivatives, limits, condensation by hand, a chain in closed form."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -244,6 +244,13 @@ def test_a_scene_refuses_a_joint_of_a_part_that_is_not_there() -> None:
         Scene(MESH, spherical_probe(radius=10.0), joints=(Joint(other, BUSHING),))
 
 
+def test_discs_as_tissue_and_joints_are_refused_together() -> None:
+    discs = replace(MESH, tissue_names=("intervertebral_discs",))
+    Scene(discs, spherical_probe(radius=10.0))
+    with pytest.raises(InputError, match="intervertebral_discs"):
+        Scene(discs, spherical_probe(radius=10.0), joints=(Joint(FRAME, BUSHING),))
+
+
 @dataclass(frozen=True)
 class Cubic:
     """A law of a user's own: E = ¼ k |u|⁴."""
@@ -269,3 +276,20 @@ def test_a_law_of_ones_own_is_solved_like_any_other() -> None:
     free = equilibrium(ElasticSystem(MESH, [SOFT]), system.rest_state(), load=pulled(), tolerance=1e-9)
     apart = [np.linalg.norm(system.joints.motions(s.state.rotation, s.state.translation)[0, :3]) for s in (found, free)]
     assert apart[0] < apart[1]
+
+
+def test_projection_lifts_only_negative_eigenvalues() -> None:
+    """Far from rest the Hessian of a joint is indefinite; projected it is not, and at rest nothing changes."""
+    system, _ = chain([BUSHING])
+    for size in (0.0, 1.5):
+        rotation = rotation_from_vector(size * np.array([[0.3, 0.0, 0.2], [-0.5, 0.4, 0.0]]))
+        translation = size * np.array([[0.0, 0.0, 0.0], [4.0, -5.0, 9.0]])
+        exact, projected = np.zeros((12, 12)), np.zeros((12, 12))
+        system.add_tangent(rotation, translation, exact)
+        system.add_tangent(rotation, translation, projected, project=True)
+        scale = np.abs(exact).max()
+        low = np.linalg.eigvalsh(exact).min()
+        assert (low < -1e-3 * scale) == (size > 0.0)
+        assert np.linalg.eigvalsh(projected).min() >= -1e-12 * scale
+        if size == 0.0:
+            np.testing.assert_allclose(projected, exact, rtol=0.0, atol=1e-12 * scale)

@@ -200,7 +200,7 @@ class ElasticSystem:
                 the block and its transpose; repetitions add up; of i = j the symmetric part counts. Nodes may be
                 soft, rigid or fixed. Pairs must be edges of the mesh or among `extra_pairs`.
             held: unknowns whose row and column become zero, with a unit diagonal, shape (n_dofs,).
-            project: lift negative eigenvalues of each cell's tangent to zero, so that the elastic part is positive
+            project: lift negative eigenvalues of each cell's and joint's tangent to zero, so that their sum is positive
                 semi-definite but for the geometric term; False gives the exact tangent.
 
         Returns:
@@ -230,7 +230,7 @@ class ElasticSystem:
             for k, nodes in enumerate(self._rigid.by_part):
                 turning = slice(6 * k + 3, 6 * k + 6)
                 dense[turning, turning] += geometric_stiffness(arms[nodes], nodal[nodes])
-            self.joints.add_tangent(state.rotation, state.translation, dense)
+            self.joints.add_tangent(state.rotation, state.translation, dense, project=project)
             data[reduction.indptr[3 * n_soft]:] = dense[np.triu_indices(len(dense))]
         matrix = self._matrix(data)
         if held is not None:

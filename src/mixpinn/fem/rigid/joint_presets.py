@@ -2,7 +2,7 @@
 
 What was read and what was not: of Miller et al. 1986, Gardner-Morse & Stokes 2004, Lee et al. 2005 (both papers) and
 Nachemson et al. 1979 the abstracts were read, not the papers. The figures of the review PMC4844119 are quoted at second
-hand: from the abstract, not seen in full. Ranges are those of specimens, or one standard deviation; a patient may lie
+hand: from the abstract, not seen in full; the review itself was not to be had. Ranges are those of specimens, or one standard deviation; a patient may lie
 outside of them.
 """
 
@@ -24,7 +24,7 @@ MILLER = (
     "J. A. A. Miller, A. B. Schultz, D. N. Warwick, D. L. Spencer, Mechanical properties of lumbar spine motion "
     "segments under large loads, J. Biomech. 19, 1986, 79-84 (abstract)"
 )
-REVIEW = "the review PMC4844119 (from the abstract, not seen in full)"
+REVIEW = "the review PMC4844119 (at second hand, from the abstract, not seen in full)"
 GARDNER_MORSE = (
     "M. G. Gardner-Morse, I. A. F. Stokes, Structural behavior of human lumbar spinal motion segments, J. Biomech. "
     "2004, doi:10.1016/j.jbiomech.2003.10.003 (abstract)"

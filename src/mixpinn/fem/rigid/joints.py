@@ -79,13 +79,24 @@ class JointSystem:
                 gradient[k] += part
         return gradient
 
-    def add_tangent(self, rotation: FloatArray, translation: FloatArray, dense: FloatArray) -> None:
-        """Add the Hessian by all twists, for R ← exp([δw]) R, to `dense` (6K, 6K), in place."""
+    def add_tangent(
+        self, rotation: FloatArray, translation: FloatArray, dense: FloatArray, *, project: bool = False,
+    ) -> None:
+        """Add the Hessian by all twists, for R ← exp([δw]) R, in place.
+
+        Args:
+            rotation, translation: as in `motions`.
+            dense: rows and columns of the parts' twists, shape (6K, 6K).
+            project: lift negative eigenvalues of each joint's share to zero.
+        """
         for j, joint in enumerate(self.joints):
             frames = self._carried(j, rotation, translation)
             motion, rate = relative_motion(*frames), motion_gradient(*frames)
             tangent = rate.T @ joint.law.tangent(motion) @ rate
             tangent += motion_curvature(*frames, joint.law.wrench(motion))
+            if project:
+                values, vectors = np.linalg.eigh(tangent)
+                tangent = (vectors * np.maximum(values, 0.0)) @ vectors.T
             unknowns = np.concatenate([6 * k + np.arange(6) for k in self._pairs[j]])
             dense[np.ix_(unknowns, unknowns)] += tangent
 
