@@ -2,8 +2,8 @@
 
 What was read and what was not: of Miller et al. 1986, Gardner-Morse & Stokes 2004, Lee et al. 2005 (both papers) and
 Nachemson et al. 1979 the abstracts were read, not the papers. The figures of the review PMC4844119 are quoted at second
-hand: from the abstract, not seen in full; the review itself was not to be had. Ranges are those of specimens, or one standard deviation; a patient may lie
-outside of them.
+hand: from the abstract, not seen in full; the review itself was not to be had. Ranges are those of specimens, or one
+standard deviation; a patient may lie outside of them.
 """
 
 from collections.abc import Mapping, Sequence
