@@ -1,5 +1,7 @@
 """The hybrid model on equilibria that finite elements have solved, its Newton step against dense algebra, its files."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
@@ -66,6 +68,17 @@ def test_newton_step_is_that_of_dense_algebra(mesh, model, prior, table) -> None
     expected = coefficients(model.newton.modes, prior.coordinates.weights, full[None])[0]
     found = model.newton.step(response, contact)
     assert_allclose(found, expected, atol=1e-3 * np.abs(expected).max())
+
+
+def test_a_regression_gone_astray_is_cut_back_to_its_reach(model, table) -> None:
+    # What is learned cannot add more to the Newton step than its reach, and nothing changes while it stays within.
+    assert np.isfinite(model.reach)
+    contact = table.contact(0)
+    usual = model.solve(*contact)
+    astray = replace(model, gain=1e3 * model.gain).solve(*contact)
+    learned = np.linalg.norm(astray.correction - model.newton_length * astray.step)
+    assert learned == pytest.approx(model.reach * np.linalg.norm(astray.step), rel=1e-4)
+    assert_array_equal(replace(model, reach=np.inf).solve(*contact).correction, usual.correction)
 
 
 def test_rigid_parts_keep_their_edges(mesh, model, table) -> None:

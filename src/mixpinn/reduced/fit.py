@@ -187,11 +187,25 @@ def fit_correction(
         np.ascontiguousarray(prior.compliance.times(weights**2 * modes)),
     )
     readers = np.ascontiguousarray(prior.compliance.times(weights**2 * principal))
+    step, coordinates = prepared.steps(newton), prepared.coordinates(readers)
     gain, chosen = fit_gain(
-        prepared.steps(newton), prepared.coordinates(readers), coefficients(modes, weights, prepared.missed),
-        prepared.position, config,
+        step, coordinates, coefficients(modes, weights, prepared.missed), prepared.position, config,
     )
-    return HybridModel(newton, readers, gain, about=chosen)
+    length = float(chosen["newton_length"])
+    return HybridModel(
+        newton, readers, gain, about=chosen, newton_length=length,
+        reach=_REACH * learned_share(step, features(step, coordinates) @ gain, length),
+    )
+
+
+_REACH = 2.0
+"""How much more than on any training sample the regression may add to the Newton step; chosen by hand."""
+
+
+def learned_share(step: Float32Array, correction: Float32Array, length: float) -> float:
+    """The largest |z − ℓ ν| / |ν| of samples, for Newton steps ν (S, m), corrections z (S, m) and ℓ = `length`."""
+    size = np.maximum(np.linalg.norm(step, axis=1), 1e-12)
+    return float((np.linalg.norm(correction - length * step, axis=1) / size).max(initial=0.0))
 
 
 def fit_gain(

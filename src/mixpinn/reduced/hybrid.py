@@ -55,6 +55,8 @@ class _About:
     about: dict[str, Any]
     error: dict[str, Any] | None
     discretisation: str = ""
+    newton_length: float = 0.0
+    reach: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,6 +93,9 @@ class HybridModel:
         error: what error to expect, where the model was calibrated.
         about: how it was fitted, plain values.
         name: for tables.
+        newton_length: the part of the Newton step that the correction is at least, ℓ.
+        reach: what the regression may add to ℓ ν, in lengths of ν: |z − ℓ ν| ≤ reach |ν|. A regression on few samples
+            can be far off between them; what it adds is cut back to this length, and physics remains.
     """
 
     newton: ModalNewton
@@ -99,6 +104,8 @@ class HybridModel:
     error: ErrorEstimate | None = None
     about: dict[str, Any] = field(default_factory=dict)
     name: str = "Hybrid"
+    newton_length: float = 0.0
+    reach: float = np.inf
 
     @property
     def mesh(self) -> TissueMesh:
@@ -133,10 +140,22 @@ class HybridModel:
         response = self.prior.respond_to_forces(contact, force)
         coordinates = self.readers[:, contact.rows] @ force.astype(np.float32)
         step = self.newton.step(response, contact) if len(self.newton.modes) else np.zeros(0, np.float32)
-        correction = features(step, coordinates) @ self.gain
+        correction = self._within_reach(step, features(step, coordinates) @ self.gain)
         unknowns = self.newton.add_modes(correction, response)
         unknowns[contact.unknowns] = np.asarray(displacement, dtype=np.float32).ravel()
         return HybridState(contact, response, force, unknowns, step, correction, coordinates)
+
+    def _within_reach(self, step: Float32Array, correction: Float32Array) -> Float32Array:
+        """The correction z with |z − ℓ ν| cut back to `reach` |ν|; continuous in both."""
+        if np.isinf(self.reach):
+            return correction
+        physical = np.float32(self.newton_length) * step
+        learned = correction - physical
+        size, limit = float(np.linalg.norm(learned)), self.reach * float(np.linalg.norm(step))
+        if size <= limit:
+            return correction
+        cut: Float32Array = (physical + (limit / size) * learned).astype(np.float32)
+        return cut
 
     def predict(self, nodes: AnyArray, displacements: AnyArray) -> Float32Array:
         """Displacement of every node [mm], float32, shape (n, 3), from that of contact nodes; operands of `solve`."""
@@ -165,6 +184,7 @@ class HybridModel:
             "lam": self.newton.equilibrium.lam, "name": self.name, "about": self.about,
             "error": self.error.as_dict() if self.error is not None else None,
             "discretisation": discretisation_of(self.mesh),
+            "newton_length": self.newton_length, "reach": self.reach if np.isfinite(self.reach) else None,
         })
         mesh = [MESH_FILE] if (folder / MESH_FILE).is_file() else []
         BUNDLE.seal(folder, [HYBRID_FILE, _TENSORS, _PRIOR_MANIFEST, *mesh])
@@ -193,7 +213,10 @@ class HybridModel:
             error = None if values.error is None else ErrorEstimate.of_dict(
                 values.error, where, coordinates=size, remake=BUNDLE.remake,
             )
-            return HybridModel(newton, arrays["readers"], arrays["gain"], error, values.about, values.name)
+            return HybridModel(
+                newton, arrays["readers"], arrays["gain"], error, values.about, values.name, values.newton_length,
+                np.inf if values.reach is None else values.reach,
+            )
         except (KeyError, TypeError) as found:
             raise InputError(
                 str(folder), expected="a complete hybrid model", got=repr(found), fix="fit the model again",
