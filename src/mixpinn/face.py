@@ -30,9 +30,9 @@ def load_anatomy(
     """Read, check and crop an anatomy, and place it in the world frame.
 
     Args:
-        source: folder with one NIfTI a structure, one multi-label NIfTI, or ``phantom``.
+        source: folder with one label image a structure, one multi-label image, or ``phantom``.
         repair: mend what the label check finds.
-        names: JSON name table of a multi-label image; by default TotalSegmentator's task "total".
+        names: name table of a multi-label image; by default its header's names, else those of TotalSegmentator 2.
         body: name of the body, or a file; by default found by name.
         rigid: names of the rigid parts; by default every lumbar vertebra there is.
         soft: names of further soft tissues.
