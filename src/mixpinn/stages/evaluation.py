@@ -103,12 +103,14 @@ def evaluate_models(
         The evaluations, and the path of the report.
 
     Raises:
-        InputError: a model of another mesh or a damaged one; with `config.prior`, materials that are not recorded.
+        InputError: a model of another mesh or a damaged one; with `config.prior`, materials that are not recorded, or
+            joints.
     """
     out, background = Path(out), background or Background()
-    mesh, test = store.mesh(), held_out_samples(table, choose_samples(table, split, held_out))
     if config.prior:
         refuse_joints(store.scene.get(JOINTS, ()), "elastic prior beside the models (prior=false leaves it out)")
+    mesh, test = store.mesh(), held_out_samples(table, choose_samples(table, split, held_out))
+    if config.prior:
         materials = store.materials() if materials is None else tuple(materials)
     trained = [_load(folder, mesh, threads) for folder in models]
     begun = start_run(
