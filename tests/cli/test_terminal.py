@@ -39,4 +39,4 @@ def test_a_signal_ends_in_one_line_and_no_unused_run(tmp_path, number, code):
     _, err = process.communicate(timeout=PATIENCE)
     assert process.returncode == code, err
     assert b"Traceback" not in err
-    assert err.decode(errors="replace").splitlines()[-1] == "mixpinn: stopped; the same command continues from here"
+    assert err.decode(errors="replace").splitlines()[-1] == "mixpinn: stopped; the same command goes on from here"

@@ -34,7 +34,7 @@ def main() -> None:
     try:
         _run()
     except KeyboardInterrupt:
-        _leave("stopped; the same command continues from here", 128 + _stopped_by[0])
+        _leave("stopped; the same command goes on from here", 128 + _stopped_by[0])
 
 
 def _run() -> None:

@@ -3,6 +3,7 @@
 import contextlib
 import multiprocessing
 import os
+import signal
 from collections import deque
 from collections.abc import Generator, Iterator, Sequence
 from dataclasses import dataclass
@@ -52,6 +53,19 @@ def pinned_threads(threads: int) -> Iterator[None]:
                 os.environ[name] = value
 
 
+@contextlib.contextmanager
+def deaf_to_interrupts() -> Iterator[None]:
+    """Child processes started meanwhile do not hear Ctrl-C: their parent does, and ends them without a traceback."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 def run_local(
     store: SimulationStore, scene: Any, runner: Runner, poses: Sequence[Pose], *, workers: int, threads: int,
 ) -> Generator[Event, None, None]:
@@ -72,7 +86,7 @@ def run_local(
     def start() -> None:
         here, there = context.Pipe()
         process = context.Process(target=serve, args=(there, store, scene, runner), daemon=True)
-        with pinned_threads(threads):
+        with pinned_threads(threads), deaf_to_interrupts():
             process.start()
         there.close()  # so that the end of the worker shows as the end of the pipe
         pool.append(_Worker(process, here))
