@@ -162,7 +162,7 @@ class TestMesh:
         refused("mesh", tmp_path / "a", "--out", tmp_path / "out", says="labels.json", out=tmp_path / "out")
         (tmp_path / "a" / "labels.manifest.json").unlink()
         seal_folder(tmp_path / "a")
-        refused("mesh", tmp_path / "a", "--out", tmp_path / "out", says="labels.nii.gz", out=tmp_path / "out")
+        refused("mesh", tmp_path / "a", "--out", tmp_path / "out", says="labels.json", out=tmp_path / "out")
 
     def test_label_map_that_cannot_be_meshed(self, chain, tmp_path):
         label_map = LabelMap.load(chain.anatomy / "labels.nii.gz")

@@ -23,6 +23,7 @@ from mixpinn.fem.solve.pose_simulator import PoseSimulator, simulate_pose
 from mixpinn.fem.solve.quasi_static import QuasiStaticSolver, SolverConfig
 from mixpinn.fem.solve.scene_models import contact_model, elastic_system
 from mixpinn.geometry.probe_pose import ProbePose
+from mixpinn.geometry.probe_shapes import linear_probe, spherical_probe
 from mixpinn.physics.joints import JointLaw, LinearBushing, NeutralZoneBushing
 from mixpinn.records.joint_frame import JointFrame
 
@@ -32,5 +33,6 @@ __all__ = [
     "LinearSolver", "Material", "NeutralZoneBushing", "PardisoSolver", "PoseSimulator", "PressHistory", "ProbePose",
     "QuasiStaticSolver", "Scene", "SkinSurface", "SolverConfig", "StableNeoHookean", "StableNeoHookeanLog", "State",
     "SuperLUSolver", "contact_area", "contact_model", "contact_pressure", "default_solver", "elastic_system",
-    "preset_joints", "scene_hash", "scene_record", "simulate_pose", "solve_imposed", "solve_pose",
+    "linear_probe", "preset_joints", "scene_hash", "scene_record", "simulate_pose", "solve_imposed", "solve_pose",
+    "spherical_probe",
 ]
