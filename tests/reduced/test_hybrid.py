@@ -13,7 +13,7 @@ from mixpinn.fem import ElasticSystem, SuperLUSolver
 from mixpinn.reduced.error_estimate import ErrorEstimate, Signs
 from mixpinn.reduced.fit import HybridConfig, fit_hybrid
 from mixpinn.reduced.hybrid import HybridModel, features
-from mixpinn.reduced.modes import coefficients, principal_modes
+from mixpinn.reduced.modes import coefficients, excited_modes, principal_modes
 from mixpinn.reduced.prior import ElasticPrior
 from reduced.pressed_block import TISSUE, pressed_table, top_nodes
 from training.toy_block import block_mesh
@@ -128,6 +128,23 @@ def test_modes_are_orthonormal_and_reproduce_what_they_span() -> None:
     assert len(modes) == 4
     assert_allclose((modes * weights**2) @ modes.T, np.eye(4), atol=1e-4)
     assert_allclose(coefficients(modes, weights, rows) @ modes, rows, atol=1e-4)
+
+
+def test_directions_that_training_hardly_knows_are_left_out() -> None:
+    rng = np.random.default_rng(6)
+    weights = np.ones(20, dtype=np.float32)
+    modes = np.linalg.qr(rng.standard_normal((20, 4)))[0].T.astype(np.float32)
+    fields = rng.standard_normal((50, 4)) * [1.0, 0.1, 1e-2, 1e-5] @ modes
+    assert_array_equal(excited_modes(modes, weights, fields), modes[:3])
+
+
+def test_few_samples_leave_the_model_no_worse_than_the_prior(prior, table) -> None:
+    """Two positions, each pressed twice almost alike: what tells the twins apart must not be blown up elsewhere."""
+    few = table.select([0, 0, 1, 1])
+    few = replace(few, displacement=few.displacement * np.array([1.0, 1.001, 1.0, 1.001], np.float32)[:, None, None])
+    model = fit_hybrid(prior, [TISSUE], few, few.select([]), HybridConfig(modes=4, coordinates=12))
+    test = table.at_positions(range(36, 44))
+    assert mean_error(model, test) < 1.5 * mean_error(prior, test)
 
 
 def test_features_hold_all_products_once() -> None:

@@ -17,7 +17,7 @@ from mixpinn.reduced.equilibrium import Equilibrium
 from mixpinn.reduced.error_estimate import ErrorEstimate, Signs
 from mixpinn.reduced.hybrid import HybridModel, features
 from mixpinn.reduced.modal_newton import ModalNewton
-from mixpinn.reduced.modes import coefficients, principal_modes
+from mixpinn.reduced.modes import coefficients, excited_modes, principal_modes
 from mixpinn.reduced.prior import ElasticPrior
 from mixpinn.reduced.ridge import column_deviations, ridge
 
@@ -179,6 +179,7 @@ def fit_correction(
     drawn = prepared.select(np.sort(rng.permutation(len(prepared))[: config.mode_samples]))
     modes = principal_modes(drawn.missed, weights, config.modes, rng=rng)
     principal = principal_modes(drawn.response, weights, config.coordinates, rng=rng)
+    principal = excited_modes(principal, weights, drawn.response)
     system, linear = ElasticSystem(prior.mesh, materials), default_solver()
     linear.factorize(system.tangent(system.rest_state(), project=True))
     duals = linear.solve(np.asfortranarray((weights**2 * modes).T, dtype=np.float64)).T

@@ -39,3 +39,15 @@ def coefficients(modes: Float32Array, weights: Float32Array, unknowns: AnyArray)
     """Coefficients of fields (S, D) in orthonormal modes (m, D), shape (S, m)."""
     scaled: AnyArray = np.asarray(unknowns, dtype=np.float32) * weights**2
     return scaled @ modes.T
+
+
+def excited_modes(
+    modes: Float32Array, weights: Float32Array, unknowns: AnyArray, *, least: float = 1e-3,
+) -> Float32Array:
+    """The modes (m, D) that fields (S, D) really excite: root mean square coefficient above `least` times the largest.
+
+    A feature of hardly any size in the training samples would be scaled up to unit variance, and what was fitted to it
+    blown up where a sample excites it. The default was chosen by hand.
+    """
+    size = np.sqrt(np.square(coefficients(modes, weights, unknowns)).mean(axis=0))
+    return modes[size > least * size.max(initial=0.0)]
