@@ -68,12 +68,16 @@ def full_text(section: Section, data: Data) -> str:
 
 
 def page_text(section: Section, data: Data, folder: str) -> str:
-    """The section on the page of results, with a link to the rest of it in `folder`."""
+    """The section on the page of results, with a link to the rest of it in `folder`.
+
+    A ``note`` beside stored figures says what has changed since; figures that are collected anew come without one.
+    """
     text = (section.brief or section.render)(data)
     title, _, rest = text.partition("\n")
     more = f"[All tables]({folder}/{section.name}.md), [figures as JSON]({folder}/{section.name}.json)."
     kind = f"*Errors {section.kind}.* " if section.kind else ""
-    return f"{title}\n\n{kind}{more}\n{rest}"
+    note = f"\n*{data['note']}*\n" if data.get("note") else ""
+    return f"{title}\n\n{kind}{more}\n{note}{rest}"
 
 
 def table(columns: Sequence[str], rows: Sequence[Sequence[object]], *, numeric_from: int = 1) -> str:

@@ -109,7 +109,7 @@ class PoseModel:
     Attributes:
         hybrid: contact displacement in, displacement out.
         contact: contact of poses on its prior.
-        probes: that poses may be given of.
+        probes: the tools whose poses it takes.
         domain: which poses were learned from.
         correction: learned from simulations, if any.
         error: which errors to expect, where the model was calibrated.
