@@ -8,7 +8,7 @@ import typer
 
 from mixpinn.base.config import build_config, parse_overrides
 from mixpinn.base.errors import InputError
-from mixpinn.cli.app import app
+from mixpinn.cli.data_verbs import app
 from mixpinn.cli.options import (
     Config,
     HoldOut,

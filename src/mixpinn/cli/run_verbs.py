@@ -7,7 +7,7 @@ from typing import Annotated, Any
 import typer
 
 from mixpinn.base.config import build_config
-from mixpinn.cli.app import app, export_app, import_app
+from mixpinn.cli.data_verbs import app, export_app, import_app
 from mixpinn.cli.options import (
     Config,
     MeshSource,
