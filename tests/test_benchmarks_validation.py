@@ -122,7 +122,7 @@ def test_a_command_without_long_runs_keeps_their_figures(tmp_path, capsys, monke
     command.main(["--page", str(page), "--cache", str(tmp_path)])
     rows = json.loads(capsys.readouterr().out.strip().splitlines()[-1])
     assert kept.json() in rows
-    assert rows.count(quick.json()) == 7  # all but the long ones and the protocols
+    assert rows.count(quick.json()) == len(command.TITLES) - len(command.LONG) - 2  # nor the two protocols
     assert {"check": "The paper's protocol", "value": None, "bar": "made", "met": False} in rows
 
 

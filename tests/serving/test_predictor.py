@@ -124,7 +124,7 @@ def test_serving_imports_neither_trainer_nor_solver(folder: Path, tmp_path: Path
         "print(json.dumps(sorted(sys.modules)))"
     )
     contacts = tmp_path / "contacts.csv"
-    contacts.write_text("100,0,-1,0\n101,0,-1,0\n")
+    contacts.write_text("71,0,-1,0\n72,0,-1,0\n")
     done = subprocess.run(
         [sys.executable, "-c", script, str(folder), str(contacts), str(tmp_path / "out.vtu")], capture_output=True,
         text=True, env={**os.environ, "OMP_NUM_THREADS": "1"}, timeout=120,

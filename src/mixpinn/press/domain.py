@@ -16,8 +16,8 @@ _MORE_TILT = 15.5
 """Beyond the largest tilt learned from, poses count as inside by this much [degree]."""
 _BESIDE = 10.0
 """Beside the rigid parts and the poses learned from, poses count as inside by this much [mm]."""
-_NO_SENSE_DEPTH, _NO_SENSE_TILT = 1.5, 45.0
-"""Poses deeper by this factor, or tilted by this much more [degree], are refused."""
+_NO_SENSE_DEPTH, _NO_SENSE_MORE, _NO_SENSE_TILT = 1.5, 10.0, 45.0
+"""Poses deeper by this factor and by this much [mm], or tilted by this much more [degree], are refused."""
 _FAR = 30.0
 """A probe that is farther than this from first touch is not near the skin [mm]."""
 
@@ -84,7 +84,8 @@ class PoseDomain:
                 "pose", expected=f"a probe that presses within {limit:.0f}° of {np.round(self.direction, 2)}",
                 got=f"one at {tilt:.0f}° to it", fix="check rotation and frame: a probe presses along its own −y",
             )
-        deepest, limit = float(depths.max()), _NO_SENSE_DEPTH * self.deepest
+        deepest = float(depths.max())
+        limit = max(_NO_SENSE_DEPTH * self.deepest, self.deepest + _NO_SENSE_MORE)
         if deepest > limit:
             raise InputError(
                 "pose", expected=f"a probe up to {limit:.0f} mm beyond first touch",
