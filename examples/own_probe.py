@@ -35,8 +35,8 @@ plotter.view_vector((0.6, -0.6, 0.8), viewup=(0.0, 1.0, 0.0))
 plotter.show()
 
 # %%
-# **Check.** Half a turn about its axis carries this probe into itself, triangles included, so that it presses in the same
-# way: the fields differ by no more than rounding and the solver's tolerance let them.
+# **Check.** Half a turn about its axis carries this probe into itself, triangles included, so that it presses in the
+# same way: the fields differ by no more than rounding and the solver's tolerance let them.
 
 apart = np.abs(first.displacement - second.displacement).max()
 print(f"force {first.force[1]:.3f} N; half a turn changes the field by {apart:.1e} mm")
