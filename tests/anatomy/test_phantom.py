@@ -3,7 +3,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy import ndimage
 
@@ -81,6 +81,7 @@ def test_label_check_finds_nothing(config):
 
 @settings(max_examples=12, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1))
+@example(seed=704584)  # a tip of one voxel beside its vertebra
 def test_varied_phantoms_are_sound_and_repeatable(seed):
     config = PhantomConfig(voxel_size=2.5)
     first = phantom_segmentation(config, rng=np.random.default_rng(seed))

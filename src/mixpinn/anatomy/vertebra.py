@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mixpinn.anatomy.check import largest_component
 from mixpinn.anatomy.segmentation import Structure
 from mixpinn.base.arrays import BoolArray, FloatArray
 
@@ -70,7 +71,8 @@ def paint_vertebra(
                           sparse=True)
     # The vertebra's own axes: b to its back, d down along the spine.
     b, d = np.cos(tilt) * y - np.sin(tilt) * z, np.sin(tilt) * y + np.cos(tilt) * z
-    mask = _inside(shape, np.abs(x), b, d)
+    # A tip thinner than a voxel may come apart from the rest.
+    mask, _ = largest_component(_inside(shape, np.abs(x), b, d))
     return Structure.trim(name, mask, (int(near[0][0]), int(near[1][0]), int(near[2][0])))
 
 
