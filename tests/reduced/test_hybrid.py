@@ -8,11 +8,12 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from mixpinn.base.errors import InputError
 from mixpinn.base.files import read_json, write_json
+from mixpinn.base.tensor_file import read_arrays, write_arrays
 from mixpinn.evaluation import MetricGeometry, rigid_edge_error
 from mixpinn.fem import ElasticSystem, SuperLUSolver
 from mixpinn.reduced.error_estimate import ErrorEstimate, Signs
 from mixpinn.reduced.fit import HybridConfig, fit_hybrid
-from mixpinn.reduced.hybrid import HybridModel, features
+from mixpinn.reduced.hybrid import BUNDLE, HybridModel, features
 from mixpinn.reduced.modes import coefficients, excited_modes, principal_modes
 from mixpinn.reduced.prior import ElasticPrior
 from reduced.pressed_block import TISSUE, pressed_table, top_nodes
@@ -113,6 +114,23 @@ def test_other_meshes_and_formats_are_refused(tmp_path, model) -> None:
     write_json(tmp_path / "hybrid.json", {**read_json(tmp_path / "hybrid.json"), "format": 99})
     with pytest.raises(InputError, match="format"):
         HybridModel.load(tmp_path, block_mesh())
+
+
+@pytest.mark.parametrize(("name", "damage"), [
+    ("modes", lambda array: array[:, :-1]), ("duals", lambda array: array[1:]), ("coupling", lambda array: array.T),
+    ("readers", lambda array: array[:-1]), ("gain", lambda array: array[:-1]), ("gain", lambda array: array * np.nan),
+    ("modes", lambda array: None),
+])
+def test_arrays_that_do_not_fit_are_refused_by_name(tmp_path, mesh, model, name, damage) -> None:
+    model.save(tmp_path)
+    file = tmp_path / "hybrid.safetensors"
+    arrays = read_arrays(file)[0]
+    array = damage(arrays.pop(name))
+    write_arrays(file, arrays if array is None else arrays | {name: array})
+    BUNDLE.seal_more(tmp_path, [file.name])
+    with pytest.raises(InputError, match=r"hybrid\.safetensors.*fit it again") as caught:
+        HybridModel.load(tmp_path, mesh)
+    assert name in str(caught.value) or name == "readers"  # whose number the gain's rows follow
 
 
 def test_same_seed_same_model(prior, table, model) -> None:

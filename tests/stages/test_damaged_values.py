@@ -2,16 +2,17 @@
 
 import json
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from mixpinn.anatomy.finding import Finding
 from mixpinn.base.errors import InputError
 from mixpinn.base.files import write_json, write_text
-from mixpinn.dataset import Split
+from mixpinn.dataset import DatasetTable, Split
 from mixpinn.dataset.inverted_cells import _known
 from mixpinn.mesh.fidelity import MeshFidelity, StructureFidelity
 from mixpinn.mesh.quality import mesh_quality
@@ -22,6 +23,7 @@ from mixpinn.pipeline import onboarding, run
 from mixpinn.records import LabelMap
 from mixpinn.records.label_map import label_map_files
 from mixpinn.reduced.error_estimate import ErrorEstimate
+from mixpinn.stages import anatomy
 from mixpinn.stages.mesh import MESH_RUN, MESH_RUN_FILES, MeshResult
 from mixpinn.training import read_history
 from training.toy_block import TINY, block_mesh
@@ -48,6 +50,11 @@ def write_labels(folder: Path) -> None:
     labels = np.zeros((3, 3, 3), dtype=np.uint8)
     labels[1, 1, 1] = 1
     LabelMap(labels, np.eye(4), np.eye(4), ("body",), ("L1",)).save(folder / "labels.nii.gz")
+
+
+def write_findings(folder: Path) -> None:
+    write_labels(folder)
+    write_json(folder / "findings.json", [asdict(Finding("hole", "body", "enclosed background", 3))])
 
 
 ESTIMATE = ErrorEstimate(np.zeros(6), 2.0, 0.95, np.eye(2), 3.0)
@@ -83,6 +90,13 @@ KINDS = {
             json.loads((f / "error.json").read_text()), str(f / "error.json"), coordinates=2, remake="fit again",
         ),
     ),
+    "table.json": Kind(
+        lambda f: DatasetTable("a", (2, 1, 1, 4), (4, 2, 2, 8), (16, 8, 8, 32)).save(f / "table.json"),
+        lambda f: DatasetTable.load(f / "table.json"),
+    ),
+    "findings.json": Kind(
+        write_findings, lambda f: anatomy._load(f),
+    ),
     "rounds.json": Kind(
         lambda f: onboarding._Clock(f / "rounds.json").note({"stage": "prior", "minutes": 1.0}),
         lambda f: onboarding._Clock(f / "rounds.json"),
@@ -113,6 +127,12 @@ DAMAGE: list[tuple[str, list[Any], Any]] = [
     *(("error.json", path, value) for path, value in (
         (["coefficients", 0], NAN), (["coefficients"], [1.0]), (["spread"], [[1.0, 0.0], [1.0]]), (["spread"], [[1.0]]),
         (["factor"], "2"), (["level"], None), (["farthest"], float("inf")),
+    )),
+    *(("table.json", path, value) for path, value in (
+        (["samples"], [1, 2, 3]), (["poses", 0], -1), (["poses", 0], "4"), (["positions"], None), (["split"], 3),
+    )),
+    *(("findings.json", [0, *path], value) for path, value in (
+        (["kind"], "unheard of"), (["voxels"], "3"), (["structure"], None), (["error"], "no"),
     )),
     ("rounds.json", ["seconds"], NAN), ("rounds.json", ["rounds"], {}), ("rounds.json", ["seconds"], None),
     ("stage_seconds.json", ["Mesh"], "long"), ("stage_seconds.json", ["Mesh"], NAN),

@@ -2,13 +2,18 @@
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
+from pydantic import Field
 
-from mixpinn.base.files import read_json, write_json
+from mixpinn.base.files import write_json
+from mixpinn.base.validated import load_record
 from mixpinn.dataset.split import Split
 from mixpinn.records import SampleTable
 
+_Count = Annotated[int, Field(ge=0)]
+_Counts = tuple[_Count, _Count, _Count, _Count]
 COLUMNS = ("train", "validation", "test", "total")
 
 
@@ -22,9 +27,9 @@ class DatasetTable:
     """
 
     split: str
-    positions: tuple[int, int, int, int]
-    poses: tuple[int, int, int, int]
-    samples: tuple[int, int, int, int]
+    positions: _Counts
+    poses: _Counts
+    samples: _Counts
 
     def markdown(self) -> str:
         """The table in Markdown."""
@@ -39,11 +44,12 @@ class DatasetTable:
 
     @staticmethod
     def load(path: Path | str) -> "DatasetTable":
-        """Read what `save` wrote."""
-        values = read_json(path)
-        return DatasetTable(
-            values["split"], tuple(values["positions"]), tuple(values["poses"]), tuple(values["samples"]),
-        )
+        """Read what `save` wrote.
+
+        Raises:
+            InputError: absent, damaged, or a count that is missing, negative or not a whole number.
+        """
+        return load_record(DatasetTable, path, remake="count the samples of the split again (dataset_table)")
 
 
 def dataset_table(table: SampleTable, split: Split) -> DatasetTable:

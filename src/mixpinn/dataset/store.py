@@ -202,7 +202,7 @@ class SimulationStore:
         if mesh.hash() != self.mesh_hash:
             raise InputError(
                 str(self.folder / MESH_FILE), expected=f"the mesh {self.mesh_hash}", got=f"the mesh {mesh.hash()}",
-                fix="put the mesh of the simulations back",
+                fix="put the mesh.vtu back that these simulations were made on, or simulate again in another folder",
             )
         return mesh
 
@@ -238,7 +238,7 @@ class SimulationStore:
             raise InputError(
                 str(self.pose_folder(pose)), expected=f"{pose.name} on the mesh {self.mesh_hash}",
                 got=f"position {simulation.position_index} at {simulation.rotation_deg}° on {simulation.mesh_hash}",
-                fix="use a store of its own for each mesh",
+                fix="simulate on the mesh of this store (its mesh.vtu), or begin another store for the other mesh",
             )
         self.discard(pose)
         simulation.save(self.pose_folder(pose))

@@ -17,6 +17,7 @@ from mixpinn.press.error_law import PoseErrorLaw
 from mixpinn.press.model import PoseCorrection, PoseModel
 from mixpinn.press.probe_field import ProbeField
 from mixpinn.press.records import PoseContactConfig, ProbeGeometry
+from mixpinn.records.answer import discretisation_of
 from mixpinn.reduced.hybrid import BUNDLE, POSE_FILE, HybridModel
 
 _FORMAT = 2
@@ -91,8 +92,9 @@ def load_pose_model(folder: Path | str, hybrid: HybridModel) -> PoseModel:
     values = checked_record(_About, about, str(path), remake=_REMAKE)
     if values.mesh_hash != hybrid.mesh.hash():
         raise InputError(
-            str(path), expected=f"a pose model of mesh {hybrid.mesh.hash()}", got=f"one of {values.mesh_hash}",
-            fix="fit the pose model on this mesh",
+            str(path), expected=f"a pose model of {discretisation_of(hybrid.mesh)}",
+            got=f"one of another mesh, {values.mesh_hash}",
+            fix="copy the whole bundle that this file came with, or fit it again for this mesh (mixpinn onboard)",
         )
     try:
         probes = tuple(

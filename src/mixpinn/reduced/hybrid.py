@@ -10,6 +10,7 @@ geometry and the contact nodes of this very sample; a are the leading principal 
 regression on simulations. The twists in q move the rigid parts by finite rotations: their edges cannot change length.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
@@ -21,7 +22,7 @@ from mixpinn.base.errors import InputError
 from mixpinn.base.files import write_json
 from mixpinn.base.manifest import Artefact
 from mixpinn.base.tensor_file import read_arrays, write_arrays
-from mixpinn.base.validated import load_record
+from mixpinn.base.validated import ArraySpec, load_record
 from mixpinn.records import MESH_FILE, TissueMesh
 from mixpinn.records.answer import discretisation_of
 from mixpinn.reduced.equilibrium import Equilibrium
@@ -41,6 +42,11 @@ FILES = (HYBRID_FILE, _TENSORS, _PRIOR_MANIFEST, MESH_FILE, POSE_FILE)
 """All that a bundle's manifest lists; the files of the prior are listed by its own."""
 
 _FORMAT = 1
+_ARRAYS = {
+    "modes": ArraySpec("number", ("modes", "unknowns")), "duals": ArraySpec("number", ("modes", "unknowns")),
+    "coupling": ArraySpec("number", ("modes", "rows")), "readers": ArraySpec("number", ("coordinates", "rows")),
+    "gain": ArraySpec("number", ("features", "modes")),
+}
 
 
 @dataclass(frozen=True)
@@ -205,7 +211,7 @@ class HybridModel:
                 got=f"one of {values.discretisation or f'mesh {values.mesh_hash}'}", fix="fit it on this mesh",
             )
         prior = ElasticPrior.load(folder / PRIOR_FOLDER, mesh)
-        arrays, _ = read_arrays(folder / _TENSORS)
+        arrays = _checked(read_arrays(folder / _TENSORS)[0], prior, str(folder / _TENSORS))
         try:
             equilibrium = Equilibrium(mesh, mu=np.array(values.mu), lam=np.array(values.lam))
             newton = ModalNewton(prior, equilibrium, arrays["modes"], arrays["duals"], arrays["coupling"])
@@ -221,6 +227,26 @@ class HybridModel:
             raise InputError(
                 str(folder), expected="a complete hybrid model", got=repr(found), fix="fit the model again",
             ) from found
+
+
+def _checked(arrays: Mapping[str, AnyArray], prior: ElasticPrior, where: str) -> Mapping[str, AnyArray]:
+    """The arrays of a bundle, when all are there, finite, and fit together and with the prior.
+
+    Raises:
+        InputError: one is absent or another than it must be.
+    """
+    extents = {"unknowns": prior.coordinates.size, "rows": prior.compliance.shape[0]}
+    for name, spec in _ARRAYS.items():
+        if name not in arrays:
+            raise InputError(where, expected=f"the array '{name}'", got="none of this name", fix=BUNDLE.remake)
+        spec.check(arrays[name], f"{where}: {name}", extents=extents, remake=BUNDLE.remake)
+    modes, coordinates = extents["modes"], extents["coordinates"]
+    wanted = modes + coordinates + coordinates * (coordinates + 1) // 2
+    if modes and extents["features"] != wanted:
+        raise InputError(
+            f"{where}: gain", expected=f"{wanted} rows, one a feature", got=str(extents["features"]), fix=BUNDLE.remake,
+        )
+    return arrays
 
 
 def load_bundle_mesh(folder: Path | str) -> TissueMesh:

@@ -24,6 +24,7 @@ from mixpinn.base.files import atomic_path, write_json
 from mixpinn.base.manifest import Artefact
 from mixpinn.base.validated import ArraySpec, load_arrays, load_record
 from mixpinn.records import TissueMesh
+from mixpinn.records.answer import discretisation_of
 from mixpinn.reduced.compliance import Compliance, DenseCompliance, FactoredCompliance
 from mixpinn.reduced.coordinates import ReducedCoordinates
 
@@ -271,8 +272,9 @@ class ElasticPrior:
         about = load_record(_About, folder / _ABOUT, remake=PRIOR.remake)
         if about.mesh_hash != mesh.hash():
             raise InputError(
-                str(folder), expected=f"a prior of mesh {mesh.hash()}", got=f"one of mesh {about.mesh_hash}",
-                fix="build the prior for this mesh",
+                str(folder), expected=f"a prior of {discretisation_of(mesh)}",
+                got=f"one of another mesh, {about.mesh_hash}",
+                fix="load it with the mesh that it was built for, or build the prior for this mesh",
             )
         nodes, free = np.array(about.nodes, dtype=np.int64), ReducedCoordinates(mesh).free
         extents = {"c": len(nodes), "rows": 3 * len(nodes), "unknowns": ReducedCoordinates(mesh).size}

@@ -113,8 +113,9 @@ def read_sample(address: SampleAddress, *, mesh_hash: str) -> Sample:
     store = SimulationStore.open(address.store)
     if store.mesh_hash != mesh_hash:
         raise InputError(
-            str(address.store), expected=f"simulations of the model's mesh {mesh_hash}", got=f"mesh {store.mesh_hash}",
-            fix="choose the model that was trained on this store",
+            str(address.store), expected=f"simulations of the model's mesh, {mesh_hash}",
+            got=f"those of {store.discretisation or f'another mesh, {store.mesh_hash}'}",
+            fix="choose a model that was trained on this store, or simulate on the mesh.vtu of the model's folder",
         )
     poses = [
         pose for pose in store.poses

@@ -19,8 +19,9 @@ from mixpinn.anatomy.repair import repair
 from mixpinn.anatomy.segmentation import Segmentation
 from mixpinn.anatomy.select import select_files
 from mixpinn.base.errors import InputError
-from mixpinn.base.files import read_json, write_json
+from mixpinn.base.files import write_json
 from mixpinn.base.rundir import RECORD, finish_run, is_finished, run_scope, start_run
+from mixpinn.base.validated import load_record
 from mixpinn.records.label_map import LabelMap
 
 LABELS_FILE, FINDINGS_FILE, PICTURE_FILE = "labels.nii.gz", "findings.json", "labels.png"
@@ -127,7 +128,7 @@ def make_anatomy(config: AnatomyConfig, *, out: Path | str | None = None) -> Ana
 
 
 def _load(out: Path) -> AnatomyResult:
-    findings = tuple(Finding(**entry) for entry in read_json(out / FINDINGS_FILE))
+    findings = load_record(tuple[Finding, ...], out / FINDINGS_FILE, remake="run 'mixpinn anatomy' again")
     return AnatomyResult(LabelMap.load(out / LABELS_FILE), findings)
 
 

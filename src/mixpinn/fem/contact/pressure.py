@@ -9,6 +9,7 @@ from mixpinn.base.errors import InputError
 from mixpinn.geometry.probe_pose import PROBE_AXIS
 from mixpinn.geometry.proximity import Triangulation, proximity
 from mixpinn.records import Probe, Simulation, TissueMesh
+from mixpinn.records.answer import discretisation_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,8 +137,9 @@ def _piece_centres(n: int) -> FloatArray:
 def _check(mesh: TissueMesh, simulation: Simulation, step: int) -> None:
     if simulation.mesh_hash != mesh.hash():
         raise InputError(
-            "contact pressure", expected="a simulation of this mesh", got=f"one of {simulation.mesh_hash}",
-            fix="use the mesh.vtu of the simulation's store",
+            "contact pressure", expected=f"a simulation of {discretisation_of(mesh)}",
+            got=f"one of another mesh, {simulation.mesh_hash}",
+            fix="give the mesh of the simulation's own store: SimulationStore.open(folder).mesh()",
         )
     if not 0 <= step < simulation.n_steps:
         raise InputError(
