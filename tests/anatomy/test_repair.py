@@ -3,11 +3,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from anatomy.checks.test_labels import named
 from mixpinn.anatomy import check, place_in_frame, repair
 from mixpinn.base.errors import InputError
 
 from .builders import SHAPE, block, full, masks, segmentation
-from .test_check import named
 
 
 def mended(structures, **kwargs):

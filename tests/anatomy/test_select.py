@@ -1,6 +1,6 @@
 import pytest
 
-from mixpinn.anatomy.image_file import structure_name
+from mixpinn.anatomy.images.image_file import structure_name
 from mixpinn.anatomy.select import check_roles, select_files
 from mixpinn.base.errors import InputError
 

@@ -4,8 +4,8 @@ import pytest
 
 from mixpinn.base.config import build_config
 from mixpinn.base.errors import InputError
-from mixpinn.mesh.extract import SurfaceConfig
-from mixpinn.mesh.mesher import Sizing
+from mixpinn.mesh.meshers.mesher import Sizing
+from mixpinn.mesh.surfaces.extract import SurfaceConfig
 from mixpinn.stages.mesh import MeshConfig
 from mixpinn.stages.simulation import SimulationConfig
 

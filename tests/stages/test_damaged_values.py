@@ -14,9 +14,9 @@ from mixpinn.base.errors import InputError
 from mixpinn.base.files import write_json, write_text
 from mixpinn.dataset import DatasetTable, Split
 from mixpinn.dataset.inverted_cells import _known
-from mixpinn.mesh.fidelity import MeshFidelity, StructureFidelity
-from mixpinn.mesh.quality import mesh_quality
-from mixpinn.mesh.statistics import mesh_statistics
+from mixpinn.mesh.checks.fidelity import MeshFidelity, StructureFidelity
+from mixpinn.mesh.checks.quality import mesh_quality
+from mixpinn.mesh.checks.statistics import mesh_statistics
 from mixpinn.networks import build_graph_for, build_model, load_checkpoint, save_checkpoint
 from mixpinn.networks.checkpoint import NETWORK
 from mixpinn.pipeline import onboarding, run

@@ -1,6 +1,6 @@
 """Label maps: what is where in the patient."""
 
-from mixpinn.anatomy.check import check
+from mixpinn.anatomy.checks.labels import check
 from mixpinn.anatomy.crop import CROP_ABOVE, CROP_BELOW, crop, place_in_frame
 from mixpinn.anatomy.finding import Finding, require_sound
 from mixpinn.anatomy.name_table import read_names

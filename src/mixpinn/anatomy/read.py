@@ -8,16 +8,16 @@ from pathlib import Path
 import numpy as np
 from scipy import ndimage
 
+from mixpinn.anatomy.checks.numbering import check_numbering, look
+from mixpinn.anatomy.checks.sides import LANDMARKS, check_sides
 from mixpinn.anatomy.finding import Finding
-from mixpinn.anatomy.image_file import label_files, read_label_image, structure_name
-from mixpinn.anatomy.label_image import LabelImage
-from mixpinn.anatomy.lattice import on_lattice
+from mixpinn.anatomy.images.image_file import label_files, read_label_image, structure_name
+from mixpinn.anatomy.images.label_image import LabelImage
+from mixpinn.anatomy.images.lattice import on_lattice
 from mixpinn.anatomy.name_table import read_names
 from mixpinn.anatomy.names import TOTAL_CLASSES, is_lumbar, unknown_structure
-from mixpinn.anatomy.numbering import check_numbering, look
 from mixpinn.anatomy.segmentation import Index3, Segmentation, Structure
 from mixpinn.anatomy.select import check_roles, find_body, select_files
-from mixpinn.anatomy.sides import LANDMARKS, check_sides
 from mixpinn.base.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from mixpinn.base.errors import InputError
 from mixpinn.base.progress import track

@@ -7,7 +7,7 @@ from itertools import combinations
 import numpy as np
 from scipy import ndimage
 
-from mixpinn.anatomy.check import (
+from mixpinn.anatomy.checks.labels import (
     NEIGHBOURS_26,
     exposed,
     filled,

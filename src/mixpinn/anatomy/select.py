@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from mixpinn.anatomy.image_file import label_files, structure_name
+from mixpinn.anatomy.images.image_file import label_files, structure_name
 from mixpinn.anatomy.names import BODY_NAMES, is_lumbar, unknown_structure
 from mixpinn.base.errors import InputError
 

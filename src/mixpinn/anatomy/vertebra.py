@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mixpinn.anatomy.check import largest_component
+from mixpinn.anatomy.checks.labels import largest_component
 from mixpinn.anatomy.segmentation import Structure
 from mixpinn.base.arrays import BoolArray, FloatArray
 

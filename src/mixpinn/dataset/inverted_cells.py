@@ -13,7 +13,7 @@ from mixpinn.base.validated import checked_record
 from mixpinn.dataset.status import PoseState, PoseStatus
 from mixpinn.dataset.store import SimulationStore
 from mixpinn.fem.elements.jacobians import smallest_jacobians
-from mixpinn.mesh.quality import radius_ratios
+from mixpinn.mesh.checks.quality import radius_ratios
 from mixpinn.records import Simulation, TissueMesh
 from mixpinn.records.tetrahedra import signed_volumes
 

@@ -1,23 +1,23 @@
 """Label map to labelled tetrahedral mesh."""
 
-from mixpinn.mesh.bisect import refine_to
-from mixpinn.mesh.cgal_mesher import CgalMesher
-from mixpinn.mesh.check_surface import check_surface, check_surfaces, self_intersections
-from mixpinn.mesh.extract import SurfaceConfig, extract_surfaces
-from mixpinn.mesh.fidelity import MeshFidelity, StructureFidelity, mesh_fidelity, voxel_parts
-from mixpinn.mesh.grading import Grading, SizingField
+from mixpinn.mesh.cells.bisect import refine_to
+from mixpinn.mesh.cells.label import FixedRegion, PartContacts, fixed_nodes, label_mesh, part_contacts
+from mixpinn.mesh.cells.orientation import check_cells, orient_cells
+from mixpinn.mesh.cells.refine import refine
+from mixpinn.mesh.checks.fidelity import MeshFidelity, StructureFidelity, mesh_fidelity, voxel_parts
+from mixpinn.mesh.checks.quality import MeshQuality, dihedral_angles, mesh_quality, radius_ratios
+from mixpinn.mesh.checks.statistics import MeshStatistics, PartStatistics, mesh_statistics
 from mixpinn.mesh.import_vtu import import_vtu, load_paper_mesh
 from mixpinn.mesh.joint_frames import joint_frames
 from mixpinn.mesh.joint_picture import draw_joint_frames
-from mixpinn.mesh.label import FixedRegion, PartContacts, fixed_nodes, label_mesh, part_contacts
-from mixpinn.mesh.mesher import PAPER_SIZING, Mesher, Sizing, has_cgal
-from mixpinn.mesh.orientation import check_cells, orient_cells
+from mixpinn.mesh.meshers.cgal_mesher import CgalMesher
+from mixpinn.mesh.meshers.grading import Grading, SizingField
+from mixpinn.mesh.meshers.mesher import PAPER_SIZING, Mesher, Sizing, has_cgal
+from mixpinn.mesh.meshers.tetwild_mesher import TetwildMesher
 from mixpinn.mesh.picture import draw_mesh
-from mixpinn.mesh.quality import MeshQuality, dihedral_angles, mesh_quality, radius_ratios
-from mixpinn.mesh.refine import refine
-from mixpinn.mesh.statistics import MeshStatistics, PartStatistics, mesh_statistics
-from mixpinn.mesh.surface import DomainSurfaces, Surface
-from mixpinn.mesh.tetwild_mesher import TetwildMesher
+from mixpinn.mesh.surfaces.check_surface import check_surface, check_surfaces, self_intersections
+from mixpinn.mesh.surfaces.extract import SurfaceConfig, extract_surfaces
+from mixpinn.mesh.surfaces.surface import DomainSurfaces, Surface
 
 __all__ = [
     "PAPER_SIZING", "CgalMesher", "DomainSurfaces", "FixedRegion", "Grading", "MeshFidelity", "MeshQuality",

@@ -10,8 +10,8 @@ import pyvista as pv
 from mixpinn.base.arrays import AnyArray, BoolArray
 from mixpinn.base.errors import InputError
 from mixpinn.base.text import read_text
-from mixpinn.mesh.label import fixed_nodes
-from mixpinn.mesh.orientation import check_cells, orient_cells
+from mixpinn.mesh.cells.label import fixed_nodes
+from mixpinn.mesh.cells.orientation import check_cells, orient_cells
 from mixpinn.mesh.read_grid import ORIGINAL, keep, read_tetrahedra
 from mixpinn.records.tissue_mesh import TissueMesh
 

@@ -8,12 +8,12 @@ from typing import Literal
 
 import numpy as np
 
-from mixpinn.anatomy.check import check
+from mixpinn.anatomy.checks.labels import check
+from mixpinn.anatomy.checks.plausible import check_plausible
 from mixpinn.anatomy.crop import CROP_ABOVE, CROP_BELOW, crop, place_in_frame
 from mixpinn.anatomy.finding import ACCEPTABLE, Finding, require_sound
 from mixpinn.anatomy.phantom import PhantomConfig, phantom_segmentation
 from mixpinn.anatomy.picture import draw_label_map
-from mixpinn.anatomy.plausible import check_plausible
 from mixpinn.anatomy.read import read_folder, read_multilabel
 from mixpinn.anatomy.repair import repair
 from mixpinn.anatomy.segmentation import Segmentation

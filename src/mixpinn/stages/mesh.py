@@ -12,22 +12,22 @@ from mixpinn.base.progress import console, progress_bar
 from mixpinn.base.rundir import finish_run, is_finished, run_scope, start_run
 from mixpinn.base.sensible import positive, require_settings
 from mixpinn.base.validated import load_record
-from mixpinn.mesh.bisect import refine_to
-from mixpinn.mesh.cgal_mesher import CgalMesher
-from mixpinn.mesh.check_surface import check_surfaces
-from mixpinn.mesh.condition import check_unit, mesh_warnings
-from mixpinn.mesh.ears import peel_flat_ears
-from mixpinn.mesh.extract import SurfaceConfig, extract_surfaces
-from mixpinn.mesh.fidelity import MeshFidelity, mesh_fidelity
-from mixpinn.mesh.grading import Grading, SizingField
+from mixpinn.mesh.cells.bisect import refine_to
+from mixpinn.mesh.cells.label import label_mesh
+from mixpinn.mesh.checks.condition import check_unit, mesh_warnings
+from mixpinn.mesh.checks.ears import peel_flat_ears
+from mixpinn.mesh.checks.fidelity import MeshFidelity, mesh_fidelity
+from mixpinn.mesh.checks.quality import MeshQuality, mesh_quality
+from mixpinn.mesh.checks.statistics import MeshStatistics, mesh_statistics
 from mixpinn.mesh.import_vtu import import_vtu
-from mixpinn.mesh.label import label_mesh
-from mixpinn.mesh.mesher import Mesher, Sizing, has_cgal
+from mixpinn.mesh.meshers.cgal_mesher import CgalMesher
+from mixpinn.mesh.meshers.grading import Grading, SizingField
+from mixpinn.mesh.meshers.mesher import Mesher, Sizing, has_cgal
+from mixpinn.mesh.meshers.tetwild_mesher import TetwildMesher
 from mixpinn.mesh.picture import draw_mesh
-from mixpinn.mesh.quality import MeshQuality, mesh_quality
-from mixpinn.mesh.statistics import MeshStatistics, mesh_statistics
-from mixpinn.mesh.surface import DomainSurfaces
-from mixpinn.mesh.tetwild_mesher import TetwildMesher
+from mixpinn.mesh.surfaces.check_surface import check_surfaces
+from mixpinn.mesh.surfaces.extract import SurfaceConfig, extract_surfaces
+from mixpinn.mesh.surfaces.surface import DomainSurfaces
 from mixpinn.records.label_map import LabelMap
 from mixpinn.records.tissue_mesh import MESH_FILE, TissueMesh
 

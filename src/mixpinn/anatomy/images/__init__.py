@@ -1,0 +1,1 @@
+"""Label images as files hold them: NIfTI, NRRD, MetaImage, on one lattice."""

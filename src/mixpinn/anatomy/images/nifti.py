@@ -1,0 +1,111 @@
+"""Reading NIfTI, one file or a pair, as a label image, with everything that can be wrong said in one line."""
+
+import gzip
+import io
+import xml.etree.ElementTree as ElementTree
+import zlib
+from pathlib import Path
+
+import nibabel as nib
+import numpy as np
+
+from mixpinn.anatomy.images.label_image import LabelImage, make_label_image
+from mixpinn.anatomy.images.nifti_affine import nifti_affine
+from mixpinn.base.errors import InputError
+
+_HEADER_SIZES = {348: nib.Nifti1Image, 540: nib.Nifti2Image}
+_PAIRS = {nib.Nifti1Image: nib.Nifti1Pair, nib.Nifti2Image: nib.Nifti2Pair}
+_MAGIC = {nib.Nifti1Image: (344, b"n+1", b"ni1"), nib.Nifti2Image: (4, b"n+2", b"ni2")}
+
+
+def read_nifti(path: Path) -> LabelImage:
+    """Read a ``.nii``, ``.nii.gz`` or a pair ``.hdr`` and ``.img``, of any byte order, as a label image.
+
+    Names are those of the header's extension, as TotalSegmentator and Connectome Workbench write them.
+
+    Raises:
+        InputError: absent, damaged, not a NIfTI, not three-dimensional, without a usable affine, or with values that
+            are not whole non-negative numbers.
+    """
+    image = _open(path)
+    affine, notes = nifti_affine(path, image)
+    try:
+        data = np.asarray(image.dataobj)
+    except Exception as error:  # nibabel lets through what NumPy and zlib raise
+        raise _damaged(path, error) from error
+    return make_label_image(path, data, affine, names=_extension_names(image), notes=notes)
+
+
+def pair_of(path: Path) -> tuple[Path, Path] | None:
+    """Header and data file of the pair that `path` belongs to; None where it is a file of its own."""
+    lower = path.name.lower()
+    for zipped in ("", ".gz"):
+        for suffix, other in ((".hdr", ".img"), (".img", ".hdr")):
+            if lower.endswith(suffix + zipped):
+                stem = path.name[: len(path.name) - len(suffix + zipped)].lower()
+                wanted = {stem + other + end for end in ("", ".gz")}
+                beside = sorted(p for p in path.parent.iterdir() if p.name.lower() in wanted)
+                if not beside:
+                    raise InputError(
+                        str(path), expected=f"its other half ({stem}{other})", got="no such file",
+                        fix="keep the .hdr and the .img of a pair together",
+                    )
+                return (path, beside[0]) if suffix == ".hdr" else (beside[0], path)
+    return None
+
+
+def _content(path: Path) -> bytes:
+    content = path.read_bytes()
+    if content[:2] == b"\x1f\x8b":
+        try:
+            content = gzip.decompress(content)  # the whole at once, so that the checksum is verified too
+        except (OSError, EOFError, zlib.error) as error:
+            raise _damaged(path, error) from error
+    return content
+
+
+def _open(path: Path) -> nib.Nifti1Image:
+    pair = pair_of(path)
+    content = _content(pair[0] if pair else path)
+    size = next((n for n in _HEADER_SIZES for order in ("little", "big")
+                 if int.from_bytes(content[:4], order) == n), None)
+    kind = _HEADER_SIZES.get(size or 0, nib.Nifti1Image)
+    start, single, double = _MAGIC[kind]
+    magic = content[start:start + 3]
+    if magic not in (single, double):
+        plain = "an Analyze image, which does not say left from right" if size == 348 else "another kind of file"
+        raise InputError(str(path), expected="a NIfTI image", got=plain, fix="convert it to .nii.gz")
+    try:
+        if pair is None:
+            return kind.from_bytes(content)
+        files = {"header": content, "image": _content(pair[1])}
+        return _PAIRS[kind].from_file_map(
+            {name: nib.FileHolder(fileobj=io.BytesIO(part)) for name, part in files.items()},
+        )
+    except InputError:
+        raise
+    except Exception as error:
+        raise _damaged(path, error) from error
+
+
+def _extension_names(image: nib.Nifti1Image) -> dict[int, str]:
+    """Names of the numbers in an XML extension of the header: ``<Label Key="27">vertebrae_L5</Label>``."""
+    names: dict[int, str] = {}
+    for extension in image.header.extensions:
+        content = extension.get_content()
+        text = content if isinstance(content, bytes) else str(content).encode()
+        text = text.strip(b"\x00 \r\n\t")
+        if b"<Label" not in text or b"<!DOCTYPE" in text or b"<!ENTITY" in text:
+            continue
+        try:
+            labels = list(ElementTree.fromstring(text).iter("Label"))
+            names.update({int(label.attrib["Key"]): (label.text or "").strip() for label in labels})
+        except (ElementTree.ParseError, KeyError, ValueError):
+            continue  # an extension of another program
+    return {number: name for number, name in names.items() if number != 0 and name}
+
+
+def _damaged(path: Path, error: Exception) -> InputError:
+    return InputError(
+        str(path), expected="a complete NIfTI file", got=f"a damaged one ({error})", fix="copy or write it again",
+    )

@@ -1,0 +1,1 @@
+"""Tetrahedra: what is what in them, their orientation, their refinement."""

@@ -1,0 +1,143 @@
+"""What is what in a mesh: the part of each node, the tissue of each cell, the fixed nodes, cells between parts."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mixpinn.base.arrays import AnyArray, BoolArray, FloatArray, Int32Array
+from mixpinn.base.errors import InputError
+from mixpinn.mesh.surfaces.surface import DomainSurfaces
+from mixpinn.records.label_map import LabelMap
+from mixpinn.records.tetrahedra import TETRA_FACES
+from mixpinn.records.tissue_mesh import TissueMesh
+
+FIXED_DEPTH = 30.0
+"""Skin nodes within this distance of the most anterior point are fixed [mm]."""
+CAP_MARGIN = 1.0
+"""Nodes closer than this to a cap of the crop are not fixed [mm]."""
+
+
+def label_mesh(
+    points: FloatArray, cells: Int32Array, surfaces: DomainSurfaces, *, label_map: LabelMap | None = None,
+) -> TissueMesh:
+    """Name the parts of a mesh: every node belongs to exactly one part, every cell to one soft tissue.
+
+    A node on the mesh's boundary belongs to the structure whose surface is nearest: the skin, which is soft, or a
+    rigid part. Inner nodes are soft. A cell belongs to the soft tissue that `label_map` has at its centroid. Fixed are
+    the nodes in the region that the body's surface defines, whatever the mesh.
+
+    Args:
+        points: [mm], shape (n, 3).
+        cells: positively oriented, shape (m, 4).
+        surfaces: what the mesh was made from.
+        label_map: for the tissues and the scanner frame; without it there is one tissue.
+
+    Raises:
+        InputError: a rigid part has no node, because the mesh is too coarse for it.
+    """
+    part = nearest_part(points, cells, surfaces)
+    absent = [name for k, name in enumerate(surfaces.rigid_names, start=1) if not (part == k).any()]
+    if absent:
+        raise InputError(
+            ", ".join(absent), expected="a structure large enough for the mesh size", got="one without a mesh node",
+            fix="choose a smaller size",
+        )
+    mesh = TissueMesh(
+        points, cells, part, np.zeros(len(points), dtype=bool), surfaces.rigid_names,
+        np.zeros(len(cells), dtype=np.int16),
+    )
+    if label_map is not None:
+        mesh = replace(
+            mesh, tissue=cell_tissue(points[cells].mean(axis=1), label_map), tissue_names=label_map.soft_names,
+            world_to_scanner=label_map.world_to_scanner,
+        )
+    return replace(mesh, fixed=fixed_nodes(mesh, region=FixedRegion.of(surfaces.body.points)))
+
+
+def nearest_part(points: FloatArray, cells: AnyArray, surfaces: DomainSurfaces) -> AnyArray:
+    """Part of each node, int16, shape (n,): for boundary nodes the nearest surface's, 0 for all others."""
+    faces = np.asarray(cells)[:, TETRA_FACES].reshape(-1, 3)
+    _, first, count = np.unique(np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True)
+    boundary = np.unique(faces[first[count == 1]])
+    nearest = np.abs(surfaces.body.distance(points[boundary]))
+    part = np.zeros(len(points), dtype=np.int16)
+    for k, surface in enumerate(surfaces.rigid, start=1):
+        distance = np.abs(surface.distance(points[boundary]))
+        part[boundary[distance < nearest]] = k
+        nearest = np.minimum(nearest, distance)
+    return part
+
+
+def cell_tissue(centroids: FloatArray, label_map: LabelMap) -> AnyArray:
+    """Index of the soft tissue at each of `centroids` [mm] (m, 3), int16, shape (m,).
+
+    0 is the body, which also counts where the voxel is rigid or outside, as happens next to a curved surface.
+    """
+    inverse = np.linalg.inv(label_map.affine)
+    index = np.rint(centroids @ inverse[:3, :3].T + inverse[:3, 3]).astype(int)
+    index = np.clip(index, 0, np.array(label_map.labels.shape) - 1)
+    label = label_map.labels[tuple(index.T)].astype(np.int16)
+    return np.where((label >= 1) & (label <= len(label_map.soft_names)), label - 1, 0).astype(np.int16)
+
+
+@dataclass(frozen=True)
+class FixedRegion:
+    """Where the protocol holds the skin, in mm of the world frame: a property of the geometry, not of a mesh.
+
+    Attributes:
+        behind: the region ends at this y; smaller y is anterior [mm].
+        low, high: and lies between these z [mm].
+    """
+
+    behind: float
+    low: float
+    high: float
+
+    @staticmethod
+    def of(points: FloatArray) -> "FixedRegion":
+        """Less than 30 mm behind the most anterior of `points` [mm] (p, 3), more than 1 mm from the caps.
+
+        The points are those of the body's surface; smallest and largest z are the two caps of the crop.
+        """
+        y, z = points[:, 1], points[:, 2]
+        return FixedRegion(float(y.min()) + FIXED_DEPTH, float(z.min()) + CAP_MARGIN, float(z.max()) - CAP_MARGIN)
+
+
+def fixed_nodes(mesh: TissueMesh, *, region: FixedRegion | None = None) -> BoolArray:
+    """Nodes that the protocol holds in place: the soft skin nodes within `region`; shape (n,).
+
+    Without `region` it is taken from the mesh's own nodes, for meshes that come without their surfaces.
+    """
+    region = region or FixedRegion.of(mesh.points)
+    y, z = mesh.points[:, 1], mesh.points[:, 2]
+    skin = np.zeros(mesh.n_points, dtype=bool)
+    skin[mesh.skin_faces] = True
+    held: BoolArray = skin & (mesh.part == 0) & (y < region.behind) & (z > region.low) & (z < region.high)
+    return held
+
+
+@dataclass(frozen=True)
+class PartContacts:
+    """Where rigid parts meet in the mesh.
+
+    Attributes:
+        spanning_cells: cells with nodes of two or more rigid parts: tissue one cell thick between neighbours.
+        rigid_cells: cells whose nodes all belong to one rigid part: tissue in its hollows, which moves with it.
+        bridging_faces: boundary faces with nodes of two different parts, where two cavities have run together.
+    """
+
+    spanning_cells: int
+    rigid_cells: int
+    bridging_faces: int
+
+
+def part_contacts(mesh: TissueMesh) -> PartContacts:
+    """Count cells and boundary faces that touch more than one rigid part, and cells that lie in one entirely."""
+    of_cell, of_face = mesh.part[mesh.cells], mesh.part[mesh.boundary_faces]
+    highest = of_cell.max(axis=1)
+    lowest_rigid = np.where(of_cell > 0, of_cell, highest[:, None]).min(axis=1)
+    same = (of_cell == of_cell[:, :1]).all(axis=1)
+    return PartContacts(
+        int((lowest_rigid != highest).sum()), int((same & (highest > 0)).sum()),
+        int((of_face != of_face[:, :1]).any(axis=1).sum()),
+    )

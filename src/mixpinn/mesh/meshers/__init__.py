@@ -1,0 +1,1 @@
+"""Volume meshers, how long edges are, and where points lie."""

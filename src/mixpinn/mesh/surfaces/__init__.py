@@ -1,0 +1,1 @@
+"""Closed surfaces that bound the parts: extracted from a label map, checked, with their rims."""

@@ -1,0 +1,46 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mesh.shapes import box_mesh
+from mixpinn.base.errors import InputError
+from mixpinn.mesh.checks.condition import check_unit, mesh_warnings
+
+MESH = box_mesh(cavity=np.s_[1:3, 1:3, 1:2], spacing=30.0)
+HELD = replace(MESH, fixed=MESH.points[:, 1] < -50.0)
+
+
+def test_a_sound_mesh_has_no_warning():
+    assert mesh_warnings(HELD) == ()
+    check_unit(HELD, what="mesh.vtu")
+
+
+@pytest.mark.parametrize(("factor", "unit"), [(1e-3, "metres"), (1e3, "micrometres")])
+def test_lengths_that_are_no_millimetres(factor, unit):
+    with pytest.raises(InputError, match=f"look like {unit}"):
+        check_unit(replace(HELD, points=HELD.points * factor), what="mesh.vtu")
+
+
+def test_centimetres_are_named():
+    line, = mesh_warnings(replace(HELD, points=HELD.points * 0.1))
+    assert "12 mm long: are its lengths centimetres?" in line
+
+
+def test_nothing_held_and_no_rigid_part():
+    assert any("no node is fixed" in line for line in mesh_warnings(MESH))
+    solid = box_mesh(spacing=30.0)
+    assert any("no rigid part" in line for line in mesh_warnings(replace(solid, fixed=solid.points[:, 1] < -50.0)))
+
+
+def test_pieces_and_doubled_points():
+    far = HELD.points + np.array([500.0, 0.0, 0.0])
+    two = replace(
+        HELD, points=np.concatenate([HELD.points, far, HELD.points]), tissue=np.tile(HELD.tissue, 3),
+        cells=np.concatenate([HELD.cells + k * HELD.n_points for k in range(3)]),
+        part=np.concatenate([HELD.part, 0 * HELD.part, 0 * HELD.part]),
+        fixed=np.concatenate([HELD.fixed, 0 * HELD.fixed, 0 * HELD.fixed]).astype(bool),
+    )
+    lines = mesh_warnings(two)
+    assert any("3 pieces that are not connected" in line and "2 of them without a fixed node" in line for line in lines)
+    assert any(f"{HELD.n_points} points lie at the place of another" in line for line in lines)
