@@ -1,5 +1,7 @@
 """Motions of the rigid parts, by name: from the reduced unknowns of a model, or read off a displacement field."""
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from mixpinn.base.arrays import AnyArray, FloatArray
@@ -26,3 +28,17 @@ def motions_of_field(mesh: TissueMesh, displacement: AnyArray) -> dict[str, Moti
         rotation = fit_rotation(rest, moved)
         motions[name] = Motion((moved - rest).mean(axis=0), vector_from_rotation(rotation), rotation)
     return motions
+
+
+def motion_matrices(mesh: TissueMesh, motions: Mapping[str, Motion]) -> FloatArray:
+    """Where each rigid part went, as matrices from its place at rest [mm], shape (K, 4, 4).
+
+    x → R (x − c) + c + t, with c the mean of the part's vertices at rest; a part without a motion stays.
+    """
+    matrices = np.tile(np.eye(4), (mesh.n_parts, 1, 1))
+    for k, name in enumerate(mesh.rigid_names):
+        if name in motions:
+            motion, centre = motions[name], mesh.points[mesh.part_nodes(k + 1)].mean(axis=0)
+            matrices[k, :3, :3] = motion.rotation
+            matrices[k, :3, 3] = centre + motion.translation - motion.rotation @ centre
+    return matrices

@@ -1,0 +1,319 @@
+"""LiveSession: a body under probes that move; the newest poses are answered, older ones are passed over."""
+
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from mixpinn.base.arrays import AnyArray
+from mixpinn.base.errors import InputError
+from mixpinn.geometry.probe_pose import ProbePose
+from mixpinn.press.model import PoseModel
+from mixpinn.press.records import check_poses
+from mixpinn.records.answer import Answer, Contact, Motion, Source, Trust, discretisation_of
+from mixpinn.serving.hybrid_predictor import HybridPredictor
+from mixpinn.serving.live.records import Friction, LiveAnswer, LiveProbe, Refusal
+from mixpinn.serving.live.skin import SkinPlacement
+from mixpinn.serving.live.worker import PressWorker
+from mixpinn.serving.load import AnyPredictor, load_predictor
+from mixpinn.serving.motions import motion_matrices
+
+Listener = Callable[[LiveAnswer | Refusal], None]
+MOST_PROBES = 4
+"""Probes of one session."""
+_JUMP, _TURN = 20.0, 20.0
+"""Friction forgets the way where a probe jumps by more than this [mm] or turns by more than this [degree] at once."""
+
+
+class LiveSession:
+    """The state of one body: where its probes are, what friction remembers, and the newest answer.
+
+    Poses may come from any thread and at any rate. Of each probe only the newest is kept; a worker answers it when the
+    session has its turn, with all probes pressing at the same time. Listeners are called from the worker's thread.
+
+    Attributes:
+        predictor: what answers.
+        skin: from places on the skin to poses.
+        friction: whether friction remembers the way of the probes; may be changed at any time.
+
+    Example:
+        >>> session = LiveSession.open("runs/hybrid")                                   # doctest: +SKIP
+        >>> pose = session.skin.place((10.0, 120.0, -20.0), depth=8.0)                  # doctest: +SKIP
+        >>> session.press(pose).answer.force                                            # doctest: +SKIP
+    """
+
+    def __init__(
+        self, predictor: AnyPredictor, *, worker: PressWorker | None = None, friction: Friction = Friction.REMEMBERED,
+    ) -> None:
+        """Begin, with no probe.
+
+        Args:
+            predictor: a hybrid model that takes poses.
+            worker: shared with other sessions; by default one of its own.
+            friction: whether friction remembers the way of the probes.
+
+        Raises:
+            InputError: a network, or a bundle without contact from the pose.
+        """
+        self.predictor = checked_predictor(predictor)
+        self._model = pressing_model(self.predictor)
+        self.skin, self.friction = SkinPlacement(self._model), Friction(friction)
+        self._worker, self._owns_worker = worker or PressWorker(), worker is None
+        self._changed = threading.Condition()
+        self._probes: dict[int, LiveProbe] = {}
+        self._dirty, self._closed, self._forget = False, False, False
+        self._listeners: list[Listener] = []
+        self._newest: LiveAnswer | None = None
+        self._last: LiveAnswer | Refusal | None = None
+        self._last_asked, self._next_id, self._sequence = 0.0, 1, 0
+        self._history: tuple[tuple[LiveProbe, ...], object] | None = None
+        self._began = time.perf_counter()
+
+    @staticmethod
+    def open(bundle: Path | str, *, friction: Friction = Friction.REMEMBERED) -> "LiveSession":
+        """A session of the bundle in a folder.
+
+        Raises:
+            InputError: the folder is incomplete or damaged, a network, or a bundle without contact from the pose.
+        """
+        return LiveSession(load_predictor(bundle), friction=friction)
+
+    @property
+    def newest(self) -> LiveAnswer | None:
+        """The newest answer, if there is one."""
+        return self._newest
+
+    def listen(self, listener: Listener) -> Callable[[], None]:
+        """Have `listener` called with every answer or refusal; what is returned ends that."""
+        with self._changed:
+            self._listeners.append(listener)
+
+        def leave() -> None:
+            with self._changed:
+                if listener in self._listeners:
+                    self._listeners.remove(listener)
+
+        return leave
+
+    def move(self, pose: ProbePose, *, probe: int = 0, pose_id: int | None = None) -> int:
+        """Say where a probe is; returns at once.
+
+        Args:
+            pose: of the probe.
+            probe: index of it; one that was not there yet comes straight down its axis.
+            pose_id: number to be named by the answer; by default the next one.
+
+        Returns:
+            The pose's number.
+
+        Raises:
+            InputError: a pose that is not finite or no rotation, an impossible probe, or a session that was closed.
+        """
+        if not 0 <= probe < MOST_PROBES:
+            raise InputError(
+                "probe", expected=f"an index from 0 to {MOST_PROBES - 1}", got=str(probe), fix="use fewer probes",
+            )
+        turns, places = check_poses(1, np.asarray(pose.rotation)[None], np.asarray(pose.translation)[None])
+        with self._changed:
+            self._refuse_closed()
+            number = self._next_id if pose_id is None else pose_id
+            self._next_id = number + 1
+            self._probes[probe] = LiveProbe(probe, number, ProbePose(turns[0], places[0]), time.perf_counter())
+            self._dirty = True
+        self._worker.wake(self)
+        return number
+
+    def lift(self, probe: int = 0) -> None:
+        """Take a probe away.
+
+        Raises:
+            InputError: the session was closed.
+        """
+        with self._changed:
+            self._refuse_closed()
+            if self._probes.pop(probe, None) is None:
+                return
+            self._dirty = True
+        self._worker.wake(self)
+
+    def forget(self) -> None:
+        """The next answer is that of probes that came straight along their axes.
+
+        Raises:
+            InputError: the session was closed.
+        """
+        with self._changed:
+            self._refuse_closed()
+            self._forget = self._dirty = True
+        self._worker.wake(self)
+
+    def press(
+        self, pose: ProbePose, *, probe: int = 0, pose_id: int | None = None, timeout: float = 60.0,
+    ) -> LiveAnswer:
+        """Move a probe and wait for an answer that knows of it; arguments of `move`.
+
+        Raises:
+            InputError: as `move`, a pose beyond sense, or no answer within `timeout` seconds.
+        """
+        asked = time.perf_counter()
+        number = self.move(pose, probe=probe, pose_id=pose_id)
+        with self._changed:
+            if not self._changed.wait_for(lambda: self._last_asked >= asked or self._closed, timeout):
+                raise InputError(
+                    "pose", expected=f"an answer within {timeout:g} s", got="none", fix="give it more time",
+                )
+            last = self._last
+        if isinstance(last, Refusal):
+            raise last.error
+        if last is None or self._closed:
+            raise _closed()
+        assert last.pose_id >= number or pose_id is not None
+        return last
+
+    def close(self) -> None:
+        """End it; listeners are not called any more."""
+        with self._changed:
+            self._closed, self._dirty = True, False
+            self._listeners.clear()
+            self._changed.notify_all()
+        if self._owns_worker:
+            self._worker.close()
+
+    def __enter__(self) -> "LiveSession":
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.close()
+
+    def take_turn(self) -> bool:
+        """Answer the newest poses (called by the worker); whether newer ones have come meanwhile."""
+        with self._changed:
+            if self._closed or not self._dirty:
+                return False
+            probes = tuple(self._probes[index] for index in sorted(self._probes))
+            self._dirty = False
+            if self._forget:
+                self._history, self._forget = None, False
+            self._sequence += 1
+            sequence = self._sequence
+        found: LiveAnswer | Refusal
+        try:
+            found = self._answer(probes, sequence)
+        except InputError as error:
+            newest = max(probes, key=lambda probe: probe.asked)
+            self._history, found = None, Refusal(newest.pose_id, error)
+        self._deliver(found, max((probe.asked for probe in probes), default=time.perf_counter()))
+        with self._changed:
+            return self._dirty and not self._closed
+
+    def _deliver(self, found: LiveAnswer | Refusal, asked: float) -> None:
+        with self._changed:
+            if self._closed:
+                return
+            if isinstance(found, LiveAnswer):
+                self._newest = found
+            self._last, self._last_asked = found, asked
+            listeners = tuple(self._listeners)
+            self._changed.notify_all()
+        for listener in listeners:
+            listener(found)
+
+    def _answer(self, probes: tuple[LiveProbe, ...], sequence: int) -> LiveAnswer:
+        began = time.perf_counter()
+        if not probes:
+            self._history = None
+            answer, remembered = untouched(self._model, self.predictor.name), False
+        else:
+            history = self._usable_history(probes)
+            answer = self._ask(probes, history)
+            remembered = history is not None
+            if remembered and not (answer.trust is not None and answer.trust.converged):
+                answer, remembered = self._ask(probes, None), False
+            self._history = probes, answer.history
+        depths = self._depths(probes)
+        matrices = motion_matrices(self._model.hybrid.mesh, answer.motions)
+        placed = tuple(replace(probe, depth=float(d)) for probe, d in zip(probes, depths, strict=True))
+        done = time.perf_counter()
+        return LiveAnswer(sequence, placed, answer, matrices, done - self._began, done - began, remembered)
+
+    def _ask(self, probes: tuple[LiveProbe, ...], history: object | None) -> Answer:
+        return self.predictor.press(
+            np.array([probe.pose.translation for probe in probes]),
+            rotation=np.array([probe.pose.rotation for probe in probes]), history=history,
+        )
+
+    def _usable_history(self, probes: tuple[LiveProbe, ...]) -> object | None:
+        """What friction remembers, unless other probes press now or one jumped."""
+        if self._history is None or self.friction is not Friction.REMEMBERED:
+            return None
+        before, history = self._history
+        if [probe.index for probe in before] != [probe.index for probe in probes]:
+            return None
+        for old, new in zip(before, probes, strict=True):
+            cosine = 0.5 * (np.trace(old.pose.rotation.T @ new.pose.rotation) - 1.0)
+            far = np.linalg.norm(new.pose.translation - old.pose.translation) > _JUMP
+            if far or cosine < np.cos(np.deg2rad(_TURN)):
+                return None
+        return history
+
+    def _depths(self, probes: tuple[LiveProbe, ...]) -> AnyArray:
+        if not probes:
+            return np.zeros(0)
+        rotations = np.array([probe.pose.rotation for probe in probes])
+        translations = np.array([probe.pose.translation for probe in probes])
+        return self._model.contact.depth([self._model.probes[0]] * len(probes), rotations, translations)
+
+    def _refuse_closed(self) -> None:
+        if self._closed:
+            raise _closed()
+
+
+def checked_predictor(predictor: AnyPredictor) -> HybridPredictor:
+    """The predictor, if it is one that can press.
+
+    Raises:
+        InputError: a network.
+    """
+    if not isinstance(predictor, HybridPredictor):
+        raise InputError(
+            predictor.name, expected="a hybrid bundle, which takes the probe's pose",
+            got="a network, which takes contact displacements and cannot press", fix="train with --model hybrid",
+        )
+    return predictor
+
+
+def pressing_model(predictor: HybridPredictor) -> PoseModel:
+    """The pose model of a predictor.
+
+    Raises:
+        InputError: a bundle without contact from the pose.
+    """
+    if predictor.pose is None:
+        raise InputError(
+            predictor.name, expected="a bundle that takes poses", got="one that was made without a probe",
+            fix="fit the hybrid model on simulations that know their probe",
+        )
+    return predictor.pose
+
+
+def untouched(model: PoseModel, name: str) -> Answer:
+    """Nothing presses: nothing moves. Forces are (0, 3)."""
+    mesh = model.hybrid.mesh
+    still = Motion(np.zeros(3), np.zeros(3), np.eye(3))
+    return Answer(
+        mesh, np.zeros((mesh.n_nodes, 3), dtype=np.float32), Source.HYBRID_POSE, model=name, force=np.zeros((0, 3)),
+        moment=np.zeros((0, 3)), motions=dict.fromkeys(mesh.rigid_names, still),
+        contact=Contact(np.zeros(0, dtype=np.int64), np.zeros((0, 3)), np.zeros((0, 3))),
+        trust=Trust(
+            0.0, 0.0, 1.0, force_expected=0.0, force_bound=0.0, motion_expected=0.0, motion_bound=0.0,
+            reasons=("no probe presses: nothing moves",),
+        ),
+        discretisation=discretisation_of(mesh),
+    )
+
+
+def _closed() -> InputError:
+    return InputError("session", expected="one that goes on", got="one that was closed", fix="open another")
