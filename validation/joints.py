@@ -10,8 +10,8 @@ import numpy as np
 from mixpinn.base.arrays import FloatArray
 from mixpinn.fem import Joint, JointFrame, JointLaw, LinearBushing, NeutralZoneBushing, preset_joints
 from mixpinn.fem.rigid.joint_presets import FACTORS, IN_VITRO, NEWTON_METRE_PER_DEGREE
-from mixpinn.fem.rigid.joints import JointSystem
 from mixpinn.geometry.rotations import rotation_from_vector, skew, vector_from_rotation
+from mixpinn.physics.joint_system import JointSystem
 from validation.result import Result, Section, picture
 
 _ROOT = np.random.default_rng(4).normal(size=(6, 6)) * [10.0, 8.0, 30.0, 200.0, 150.0, 220.0]

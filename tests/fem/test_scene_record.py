@@ -21,7 +21,7 @@ from mixpinn.fem import (
     scene_hash,
     scene_record,
 )
-from mixpinn.fem.scene_record import recorded_contact, recorded_joints, recorded_materials, refuse_joints
+from mixpinn.fem.scene_record import recorded_contact, recorded_materials, recorded_restraints
 
 MATERIALS = (
     StableNeoHookean(mu=1e-3 / 3, lam=0.1), StableNeoHookeanLog.from_young(0.02, 0.4), LinearElastic(mu=0.1, lam=1 / 7),
@@ -114,9 +114,9 @@ def with_joints(*joints):
 def test_joints_survive_a_round_trip_and_belong_to_the_identity(tmp_path):
     scene, bare = with_joints(*JOINTS), with_joints()
     record = json.loads(json.dumps(scene_record(scene)))
-    assert recorded_joints(record, "store") == JOINTS
+    assert recorded_restraints(record, "store").joints == JOINTS
     assert "joints" not in scene_record(bare)
-    assert recorded_joints(scene_record(bare), "store") == ()
+    assert recorded_restraints(scene_record(bare), "store").joints == ()
     softer = with_joints(Joint(FRAME, LinearBushing.of_diagonal([1.0] * 6)), JOINTS[1])
     assert len({bare.hash(), scene.hash(), softer.hash(), with_joints(JOINTS[0]).hash()}) == 4
     store = SimulationStore.create(
@@ -129,10 +129,4 @@ def test_joints_survive_a_round_trip_and_belong_to_the_identity(tmp_path):
 def test_a_joint_law_of_the_users_own_is_refused_with_the_remedy():
     record = scene_record(with_joints(Joint(FRAME, BushingOfMine(JOINTS[0].law.stiffness))))
     with pytest.raises(InputError, match=r"BushingOfMine.*joints="):
-        recorded_joints(record, "store")
-
-
-def test_what_does_not_know_joints_refuses_them():
-    refuse_joints((), "prior")
-    with pytest.raises(InputError, match=r"prior.*does not know joints"):
-        refuse_joints(JOINTS, "prior")
+        recorded_restraints(record, "store")

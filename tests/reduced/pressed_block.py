@@ -3,6 +3,7 @@
 import numpy as np
 
 from mixpinn.fem import ElasticSystem, SolverConfig, StableNeoHookean, SuperLUSolver, solve_imposed
+from mixpinn.physics.restraints import FREE, Restraints
 from mixpinn.records import SampleTable, TissueMesh
 
 TISSUE = StableNeoHookean.from_young(25.4e-3, 0.45)
@@ -13,10 +14,13 @@ def top_nodes(mesh: TissueMesh):
     return np.flatnonzero(free & (mesh.node_points[:, 1] == mesh.node_points[free, 1].max()))
 
 
-def pressed_table(mesh: TissueMesh, n_samples: int, *, seed: int = 0) -> SampleTable:
+def pressed_table(
+    mesh: TissueMesh, n_samples: int, *, seed: int = 0, restraints: Restraints = FREE,
+) -> SampleTable:
     """Samples at `n_samples` positions: a patch of the top pressed in by up to 4 mm with some shear."""
     rng = np.random.default_rng(seed)
-    system, top = ElasticSystem(mesh, [TISSUE]), top_nodes(mesh)
+    top = top_nodes(mesh)
+    system = ElasticSystem(mesh, [TISSUE], joints=restraints.joints, foundations=restraints.foundations)
     fields, nodes, offsets, depths = [], [], [0], []
     for _ in range(n_samples):
         centre, depth = rng.uniform(10.0, 30.0, 2), rng.uniform(0.5, 4.0)

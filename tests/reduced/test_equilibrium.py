@@ -36,7 +36,7 @@ def test_residual_is_that_of_the_solver(mesh, rng):
     expected = system.reduce(system.gradient(state), state)
     field = coordinates.expand(unknowns)
     np.testing.assert_allclose(field, state.points - mesh.node_points, atol=1e-6)
-    found = Equilibrium.of_materials(mesh, [PAPER_TISSUE]).residual(field, coordinates)
+    found = Equilibrium.of_materials(mesh, [PAPER_TISSUE]).residual(unknowns, coordinates)
     np.testing.assert_allclose(found, expected, atol=2e-5 * np.abs(expected).max())
 
 

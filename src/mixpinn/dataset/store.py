@@ -17,8 +17,9 @@ from mixpinn.dataset.protocol import Pose, Protocol
 from mixpinn.dataset.status import PoseState, PoseStatus, content_hash, folder_sizes, status_of
 from mixpinn.fem.contact.model import ContactConfig
 from mixpinn.fem.material.hyperelastic import Material
-from mixpinn.fem.rigid.joints import Joint
-from mixpinn.fem.scene_record import recorded_contact, recorded_joints, recorded_materials, scene_hash
+from mixpinn.fem.scene_record import recorded_contact, recorded_materials, recorded_restraints, scene_hash
+from mixpinn.physics.joint_system import Joint
+from mixpinn.physics.restraints import Restraints
 from mixpinn.records import MESH_FILE, Probe, Simulation, TissueMesh
 from mixpinn.records.answer import discretisation_of
 
@@ -164,13 +165,17 @@ class SimulationStore:
         """
         return recorded_materials(self.scene, str(self.folder))
 
-    def joints(self) -> tuple[Joint, ...]:
-        """The joints between rigid parts that the simulations were made with; empty where there were none.
+    def restraints(self) -> Restraints:
+        """The joints and foundations that the simulations were made with; nothing where there were none.
 
         Raises:
             InputError: a law of the user's own.
         """
-        return recorded_joints(self.scene, str(self.folder))
+        return recorded_restraints(self.scene, str(self.folder))
+
+    def joints(self) -> tuple[Joint, ...]:
+        """The joints among them."""
+        return self.restraints().joints
 
     def contact(self) -> ContactConfig:
         """How the probe touched the skin in the simulations.

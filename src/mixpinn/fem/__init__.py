@@ -13,7 +13,6 @@ from mixpinn.fem.material.hyperelastic import (
     StableNeoHookeanLog,
 )
 from mixpinn.fem.rigid.joint_presets import JointPreset, preset_joints
-from mixpinn.fem.rigid.joints import Joint
 from mixpinn.fem.scene import Scene
 from mixpinn.fem.scene_record import scene_hash, scene_record
 from mixpinn.fem.solve.imposed import ImposedSolution, solve_imposed
@@ -24,6 +23,7 @@ from mixpinn.fem.solve.quasi_static import QuasiStaticSolver, SolverConfig
 from mixpinn.fem.solve.scene_models import contact_model, elastic_system
 from mixpinn.geometry.probe_pose import ProbePose
 from mixpinn.geometry.probe_shapes import linear_probe, spherical_probe
+from mixpinn.physics.joint_system import Joint
 from mixpinn.physics.joints import JointLaw, LinearBushing, NeutralZoneBushing
 from mixpinn.records.joint_frame import JointFrame
 

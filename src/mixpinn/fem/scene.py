@@ -8,10 +8,12 @@ from mixpinn.base.errors import InputError
 from mixpinn.fem.contact.model import ContactConfig
 from mixpinn.fem.contact.surfaces import SkinSurface
 from mixpinn.fem.material.hyperelastic import DEFAULT_TISSUE, Material
-from mixpinn.fem.rigid.joints import Joint, JointSystem
 from mixpinn.fem.scene_record import scene_hash, scene_record
 from mixpinn.fem.solve.quasi_static import SolverConfig
 from mixpinn.geometry.probe_shapes import linear_probe
+from mixpinn.physics.foundation import Foundation
+from mixpinn.physics.joint_system import Joint, JointSystem
+from mixpinn.physics.restraints import Restraints
 from mixpinn.records import Probe, TissueMesh
 
 
@@ -27,6 +29,7 @@ class Scene:
         solver: tolerances and limits.
         skin: the surface that the probe can touch; None for the mesh's own skin.
         joints: between rigid parts; by default none, and the parts float in the tissue.
+        foundations: under the skin; by default none, and the mesh's fixed nodes hold the body.
     """
 
     mesh: TissueMesh
@@ -36,6 +39,7 @@ class Scene:
     solver: SolverConfig = field(default_factory=SolverConfig)
     skin: SkinSurface | None = None
     joints: tuple[Joint, ...] = ()
+    foundations: tuple[Foundation, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.materials:
@@ -47,6 +51,7 @@ class Scene:
             )
 
         object.__setattr__(self, "joints", tuple(self.joints))
+        object.__setattr__(self, "foundations", tuple(self.foundations))
         discs = [name for name in self.mesh.tissue_names if "disc" in name.lower()]
         if self.joints and discs:
             raise InputError(
@@ -54,6 +59,11 @@ class Scene:
                 fix="leave the joints out, or label the discs as the tissue around them: together they count twice",
             )
         JointSystem(self.joints, self.mesh.rigid_names, np.zeros((self.mesh.n_parts, 3)))  # refuses unknown parts
+
+    @property
+    def restraints(self) -> Restraints:
+        """Joints and foundations."""
+        return Restraints(self.joints, self.foundations)
 
     def hash(self) -> str:
         """Identity of all that decides the result; thread counts do not."""

@@ -16,26 +16,13 @@ from mixpinn.base.errors import InputError
 from mixpinn.base.files import hash_arrays
 from mixpinn.fem.contact.model import ContactConfig
 from mixpinn.fem.material.hyperelastic import LinearElastic, Material, StableNeoHookean, StableNeoHookeanLog
-from mixpinn.fem.rigid.joints import Joint
-from mixpinn.physics.joints import LinearBushing, NeutralZoneBushing
-from mixpinn.records import Probe, TissueMesh
-from mixpinn.records.joint_frame import joint_frame_from
-
-KIND = "kind"
-"""Name of a recorded object's class."""
-
-JOINTS = "joints"
-"""Entry of the joints, absent where there are none."""
+from mixpinn.physics.restraints import FOUNDATIONS, JOINTS, Restraints
+from mixpinn.records.plain import KIND, plain
 
 BUILT_IN: dict[str, type[StableNeoHookean | StableNeoHookeanLog | LinearElastic]] = {
     law.__name__: law for law in (StableNeoHookean, StableNeoHookeanLog, LinearElastic)
 }
 """Materials that a record can be turned back into."""
-
-JOINT_LAWS: dict[str, type[LinearBushing | NeutralZoneBushing]] = {
-    law.__name__: law for law in (LinearBushing, NeutralZoneBushing)
-}
-"""Laws of joints that a record can be turned back into."""
 
 _SAY_IT = (
     "import the recordings into another folder and say what they were made with (--paper-constants, --scene, or "
@@ -55,38 +42,16 @@ def scene_record(scene: object) -> dict[str, Any]:
     assert is_dataclass(scene)
     record = {field.name: plain(getattr(scene, field.name)) for field in fields(scene) if field.name != "mesh"}
     # What is not there is left out, so that a scene without it keeps the identity it had before there was such a thing.
-    return {key: value for key, value in record.items() if value is not None and (key != JOINTS or value)}
+    return {
+        key: value for key, value in record.items()
+        if value is not None and (value or key not in (JOINTS, FOUNDATIONS))
+    }
 
 
 def scene_hash(record: Mapping[str, Any], mesh_hash: str) -> str:
     """Identity of a scene from its record and the hash of its mesh, 16 hex digits."""
     text = json.dumps({"mesh": mesh_hash, **record}, sort_keys=True)
     return hash_arrays(np.frombuffer(text.encode(), dtype=np.uint8))
-
-
-def plain(value: Any) -> Any:
-    """A setting as plain values: objects by the name of their class and their fields, geometry by its hash."""
-    if isinstance(value, Probe | TissueMesh):
-        return value.hash()
-    if isinstance(value, np.ndarray):
-        return hash_arrays(value)
-    if is_dataclass(value) and not isinstance(value, type):
-        return {KIND: _kind(value)} | {
-            field.name: plain(getattr(value, field.name)) for field in fields(value) if field.name != "threads"
-        }
-    if isinstance(value, Mapping):
-        return {str(key): plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [plain(item) for item in value]
-    if isinstance(value, np.generic):
-        return value.item()
-    return value if isinstance(value, str | int | float | bool | None) else _kind(value)
-
-
-def _kind(value: object) -> str:
-    """Name of the value's class, with its module where it is not one of this package."""
-    kind = type(value)
-    return kind.__name__ if kind.__module__.startswith("mixpinn.") else f"{kind.__module__}.{kind.__qualname__}"
 
 
 def recorded_materials(record: Mapping[str, Any], where: str) -> tuple[Material, ...]:
@@ -132,30 +97,13 @@ def recorded_contact(record: Mapping[str, Any], where: str) -> ContactConfig:
     return build_config(ContactConfig, {key: value for key, value in entry.items() if key != KIND})
 
 
-def recorded_joints(record: Mapping[str, Any], where: str) -> tuple[Joint, ...]:
-    """The joints between rigid parts, rebuilt from the record of a scene; none where it has none.
+def recorded_restraints(record: Mapping[str, Any], where: str) -> Restraints:
+    """Joints and foundations, rebuilt from the record of a scene; none where it has none.
 
     Raises:
         InputError: a law of the user's own, which the record names but cannot rebuild, or a damaged entry.
     """
-    return tuple(_joint(entry, where) for entry in record.get(JOINTS, ()))
-
-
-def _joint(entry: Any, where: str) -> Joint:
-    law = entry.get("law") if isinstance(entry, Mapping) else None
-    kind = law.get(KIND) if isinstance(law, Mapping) else law
-    if not isinstance(law, Mapping) or kind not in JOINT_LAWS:
-        raise InputError(
-            where, expected="joints of " + ", ".join(JOINT_LAWS), got=f"the class {kind!r}, which is not built in",
-            fix="build the scene in Python with the joints' own laws (Scene(..., joints=...))",
-        )
-    constants = {key: value for key, value in law.items() if key != KIND}
-    try:
-        return Joint(joint_frame_from(entry.get("frame"), where), JOINT_LAWS[str(kind)](**constants))
-    except TypeError as error:
-        raise InputError(
-            where, expected=f"the constants of a {kind}", got=str(error), fix="simulate again",
-        ) from error
+    return Restraints.of_record(record, where)
 
 
 def refuse_joints(joints: Sequence[object], what: str) -> None:

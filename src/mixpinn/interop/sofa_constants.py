@@ -8,7 +8,7 @@ from typing import Any
 from mixpinn.base.errors import InputError
 from mixpinn.base.files import read_json
 from mixpinn.fem import PAPER_TISSUE, Material, StableNeoHookean
-from mixpinn.fem.scene_record import plain
+from mixpinn.records.plain import plain
 
 PARAMETERS = "parameters.json"
 

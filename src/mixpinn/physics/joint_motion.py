@@ -28,10 +28,7 @@ import numpy as np
 
 from mixpinn.base.arrays import FloatArray
 from mixpinn.geometry.rotations import skew, vector_from_rotation
-
-_SERIES = (1.0 / 12.0, 1.0 / 720.0, 1.0 / 30240.0, 1.0 / 1209600.0, 1.0 / 47900160.0, 691.0 / 1307674368000.0)
-"""|B₂ₙ| / (2n)!: (1 − (x/2) cot(x/2)) / x² = Σ of these times x²ⁿ⁻², n = 1, 2, …"""
-_SMALL = 0.4
+from mixpinn.physics.joint_kernel import factors, motion_and_gradient
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,22 +53,21 @@ class CarriedFrame:
 
 def relative_motion(first: CarriedFrame, second: CarriedFrame) -> FloatArray:
     """q = (u, θ) [mm, rad], shape (6,); smooth while the parts are turned by less than π against each other."""
-    shift = first.axes.T @ (second.origin - first.origin)
-    return np.concatenate([shift, vector_from_rotation(first.axes.T @ second.axes)])
+    return _motion_and_gradient(first, second)[0]
 
 
 def motion_gradient(first: CarriedFrame, second: CarriedFrame) -> FloatArray:
     """∂q/∂(δt₁, δw₁, δt₂, δw₂), shape (6, 12)."""
-    turn = vector_from_rotation(first.axes.T @ second.axes)
-    back = first.axes.T
-    reach = second.origin - first.centroid
-    gradient = np.zeros((6, 12))
-    gradient[:3, :3], gradient[:3, 6:9] = -back, back
-    gradient[:3, 3:6] = back @ skew(reach)
-    gradient[:3, 9:] = -back @ skew(second.arm)
-    rotation = inverse_right_jacobian(turn) @ second.axes.T
-    gradient[3:, 3:6], gradient[3:, 9:] = -rotation, rotation
-    return gradient
+    return _motion_and_gradient(first, second)[1]
+
+
+def _motion_and_gradient(first: CarriedFrame, second: CarriedFrame) -> tuple[FloatArray, FloatArray]:
+    motion, gradient = np.empty(6), np.empty((6, 12))
+    motion_and_gradient(
+        np.ascontiguousarray(first.axes), np.ascontiguousarray(second.axes), np.stack([first.arm, second.arm]),
+        np.stack([first.centroid, second.centroid]), motion, gradient,
+    )
+    return motion, gradient
 
 
 def motion_curvature(first: CarriedFrame, second: CarriedFrame, wrench: FloatArray) -> FloatArray:
@@ -112,14 +108,14 @@ def motion_curvature(first: CarriedFrame, second: CarriedFrame, wrench: FloatArr
 def inverse_right_jacobian(vector: FloatArray) -> FloatArray:
     """B(θ) = 1 + ½ [θ] + c [θ]²: derivative of log(exp([θ]) exp([s])) by s at zero, shape (3, 3)."""
     generator = skew(vector)
-    factor, _ = _factors(float(np.linalg.norm(vector)))
+    factor, _ = factors(float(np.linalg.norm(vector)))
     jacobian: FloatArray = np.eye(3) + 0.5 * generator + factor * (generator @ generator)
     return jacobian
 
 
 def _jacobian_slope(vector: FloatArray, moment: FloatArray) -> FloatArray:
     """N with m · (DB(θ)[δ] s) = s · N δ, shape (3, 3)."""
-    factor, slope = _factors(float(np.linalg.norm(vector)))
+    factor, slope = factors(float(np.linalg.norm(vector)))
     generator, twist = skew(vector), skew(moment)
     twice = generator @ (generator @ moment)
     matrix: FloatArray = (
@@ -133,16 +129,3 @@ def _double_turn(force: FloatArray, arm: FloatArray) -> FloatArray:
     product = np.outer(arm, force)
     matrix: FloatArray = 0.5 * (product + product.T) - float(arm @ force) * np.eye(3)
     return matrix
-
-
-def _factors(angle: float) -> tuple[float, float]:
-    """c(x) and c'(x)/x."""
-    if angle < _SMALL:
-        square = angle * angle
-        value = sum(term * square**n for n, term in enumerate(_SERIES))
-        return value, sum(2.0 * n * term * square ** (n - 1) for n, term in enumerate(_SERIES) if n)
-    half = 0.5 * angle
-    product = half / np.tan(half)
-    value = (1.0 - product) / angle**2
-    slope = 0.5 / np.tan(half) - 0.25 * angle / np.sin(half) ** 2
-    return float(value), float((-slope / angle**2 - 2.0 * value / angle) / angle)

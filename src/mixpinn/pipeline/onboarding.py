@@ -17,7 +17,6 @@ from mixpinn.dataset import SimulationStore, Split, build_sample_table, farthest
 from mixpinn.evaluation import evaluate
 from mixpinn.evaluation.onboarding_report import draw_rounds, rounds_report
 from mixpinn.fem import Scene
-from mixpinn.fem.scene_record import refuse_joints
 from mixpinn.press.files import save_pose_model
 from mixpinn.press.model import PoseModel
 from mixpinn.records import SampleTable, TissueMesh
@@ -105,9 +104,9 @@ def onboard(config: OnboardingConfig, *, out: Path | str) -> Path:
 
 
 def _prior_bundle(scene: Scene, bundle: Path) -> HybridModel:
-    refuse_joints(scene.joints, "elastic prior")
     model = HybridModel.of_prior(
-        cached_prior(scene.mesh, scene.materials), Equilibrium.of_materials(scene.mesh, scene.materials),
+        cached_prior(scene.mesh, scene.materials, restraints=scene.restraints),
+        Equilibrium.of_materials(scene.mesh, scene.materials, scene.restraints),
     )
     if not (bundle / "hybrid.json").exists():
         save_bundle(model, bundle)
@@ -167,7 +166,8 @@ def _fit(
     fitted = [pose for index, pose in enumerate(poses) if index % 4 != 3]
     prior = model.prior
     if len(np.setdiff1d(table.contact_nodes, prior.nodes)):
-        prior = cached_prior(model.mesh, scene.materials, touched=np.union1d(prior.nodes, table.contact_nodes))
+        touched = np.union1d(prior.nodes, table.contact_nodes)
+        prior = cached_prior(model.mesh, scene.materials, touched=touched, restraints=scene.restraints)
     train, calibration = _samples_of(table, fitted), _samples_of(table, held)
     hybrid = fit_hybrid(prior, scene.materials, train, calibration, config.hybrid)
     return hybrid, fit_pose_model(hybrid, scene.probe, scene.contact, _samples_of(table, poses))

@@ -249,7 +249,7 @@ class PoseModel:
         on = np.flatnonzero((force != 0.0).any(axis=1))
         held = prior.hold(session.nodes[on])
         unknowns = prior.respond_to_forces(held, force[on].ravel())
-        residual = equilibrium.residual(coordinates.expand(unknowns), coordinates)
+        residual = equilibrium.residual(unknowns, coordinates)
         residual[held.unknowns] -= force[on].ravel().astype(np.float32)
         patch = prior.hold(session.nodes)
         answer = prior.compliance.read(patch.rows, residual)

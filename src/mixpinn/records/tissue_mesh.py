@@ -125,6 +125,13 @@ class TissueMesh:
         return self.fixed if self.order == 1 else np.concatenate([self.fixed, mid_edge_labels(self)[1]])
 
     @cached_property
+    def held_parts(self) -> BoolArray:
+        """Rigid parts that are held in place, all their nodes being fixed; shape (K,)."""
+        return np.array([
+            bool(self.fixed[self.part == k].all()) for k in range(1, self.n_parts + 1)
+        ], dtype=bool)
+
+    @cached_property
     def skin_node_faces(self) -> IntArray:
         """Nodes of the skin's faces, shape (f, 3), or (f, 6) in the order of VTK's quadratic triangle."""
         return self.skin_faces if self.order == 1 else self._face_nodes(self.skin_faces)

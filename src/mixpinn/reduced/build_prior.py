@@ -9,6 +9,7 @@ from mixpinn.base.arrays import AnyArray, Float32Array, FloatArray, IntArray
 from mixpinn.base.errors import InputError
 from mixpinn.base.progress import track
 from mixpinn.fem import ElasticSystem, LinearSolver, Material, default_solver
+from mixpinn.physics.restraints import FREE, Restraints
 from mixpinn.records import TissueMesh
 from mixpinn.reduced.basis import response_modes, unlike
 from mixpinn.reduced.compliance import DenseCompliance, FactoredCompliance
@@ -45,6 +46,7 @@ class FactorConfig:
 def build_prior(
     mesh: TissueMesh, materials: Sequence[Material], *, nodes: IntArray | None = None,
     linear: LinearSolver | None = None, chunk: int = 96, factors: FactorConfig | None = None,
+    restraints: Restraints = FREE,
 ) -> ElasticPrior:
     """Factorize the rest-state stiffness and solve for every contact node.
 
@@ -55,6 +57,7 @@ def build_prior(
         linear: sparse direct solver.
         chunk: right-hand sides at a time.
         factors: how a compliance is kept that is too large as a whole.
+        restraints: joints and foundations, whose stiffness at rest belongs to the body's.
 
     Raises:
         InputError: a node is fixed or rigid, or there is none.
@@ -66,7 +69,7 @@ def build_prior(
             "contact nodes", expected="free soft nodes of the mesh", got="none, or fixed or rigid ones",
             fix="choose nodes of the probed skin",
         )
-    system = ElasticSystem(mesh, materials)
+    system = ElasticSystem(mesh, materials, joints=restraints.joints, foundations=restraints.foundations)
     linear = linear or default_solver()
     linear.factorize(system.tangent(system.rest_state(), project=True))
     unknowns = system.node_dofs(nodes).ravel()
@@ -79,10 +82,10 @@ def build_prior(
         forces[columns, np.arange(len(columns))] = 1.0
         compliance[start : start + len(columns)] = linear.solve(forces)[kept].T
     if whole:
-        return ElasticPrior(mesh, nodes, DenseCompliance(compliance))
+        return ElasticPrior(mesh, nodes, DenseCompliance(compliance), restraints=restraints)
     own = 0.5 * (compliance + compliance.T)
     factored, missed = _factor(mesh, nodes, unknowns, own, linear, factors, chunk)
-    return ElasticPrior(mesh, nodes, factored, missed=missed)
+    return ElasticPrior(mesh, nodes, factored, missed=missed, restraints=restraints)
 
 
 def _factor(

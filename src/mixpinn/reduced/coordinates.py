@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from mixpinn.base.arrays import AnyArray, Float32Array, FloatArray, IntArray
+from mixpinn.base.arrays import AnyArray, BoolArray, Float32Array, FloatArray, IntArray
 from mixpinn.geometry.rigid_fit import fit_rotation
 from mixpinn.geometry.rotations import rotation_from_vector, vector_from_rotation
 from mixpinn.records import TissueMesh
@@ -26,6 +26,7 @@ class ReducedCoordinates:
         arms: rest position of each of their nodes less the part's centroid [mm], shapes (p, 3).
         vertices: how many of them are vertices.
         n_nodes: number of nodes n.
+        held: which parts are held in place: their twists stay zero, shape (K,).
     """
 
     def __init__(self, mesh: TissueMesh) -> None:
@@ -37,6 +38,7 @@ class ReducedCoordinates:
             for nodes, count in zip(self.parts, self.vertices, strict=True)
         ]
         self.n_nodes = mesh.n_nodes
+        self.held: BoolArray = mesh.held_parts
 
     @property
     def size(self) -> int:
@@ -93,5 +95,5 @@ class ReducedCoordinates:
             moved = arm + np.asarray(field, dtype=np.float64)[nodes[:count]]
             shift = moved.mean(axis=0)
             turn = vector_from_rotation(fit_rotation(arm, moved))
-            unknowns[self.n_soft + 6 * k:][:6] = [*shift, *turn]
+            unknowns[self.n_soft + 6 * k:][:6] = 0.0 if self.held[k] else [*shift, *turn]
         return unknowns

@@ -12,8 +12,12 @@ import numpy as np
 
 from mixpinn.base.arrays import AnyArray, Float32Array
 from mixpinn.base.errors import InputError
+from mixpinn.geometry.rotations import rotation_from_vector
 from mixpinn.geometry.tetrahedra import shape_gradients
+from mixpinn.physics.foundation import FoundationSystem
+from mixpinn.physics.joint_system import JointSystem
 from mixpinn.physics.quadrature import TETRAHEDRON_4, Quadrature
+from mixpinn.physics.restraints import FREE, Restraints
 from mixpinn.physics.single_precision import add_quadratic_stable_forces, add_stable_forces
 from mixpinn.records import TissueMesh
 from mixpinn.reduced.coordinates import ReducedCoordinates
@@ -30,16 +34,19 @@ class Equilibrium:
         mesh: the mesh.
         mu, lam: Lamé constants of each tissue of the mesh [N/mm²], shape (T,).
         quadrature: of ten-node cells, the solver's by default.
+        restraints: joints and foundations, which are evaluated in double precision.
 
     Example:
-        >>> field = np.zeros((mesh.n_nodes, 3), dtype=np.float32)
-        >>> residual = Equilibrium(mesh, mu=[8.8e-3], lam=[84.7e-3]).residual(field, ReducedCoordinates(mesh))
+        >>> coordinates = ReducedCoordinates(mesh)
+        >>> equilibrium = Equilibrium(mesh, mu=[8.8e-3], lam=[84.7e-3])
+        >>> residual = equilibrium.residual(np.zeros(coordinates.size, dtype=np.float32), coordinates)
         >>> bool(np.abs(residual).max() < 1e-4)  # at rest no force is left [N]
         True
     """
 
     def __init__(
         self, mesh: TissueMesh, *, mu: AnyArray, lam: AnyArray, quadrature: Quadrature = TETRAHEDRON_4,
+        restraints: Restraints = FREE,
     ) -> None:
         self.mu, self.lam = np.asarray(mu, dtype=np.float64), np.asarray(lam, dtype=np.float64)
         deforms = mesh.deforming_cells  # no other cell carries stress
@@ -56,9 +63,15 @@ class Equilibrium:
         self._volume = volumes.astype(np.float32)
         tissue = mesh.tissue[deforms].astype(np.int64)
         self._mu, self._lam = self.mu[tissue].astype(np.float32), self.lam[tissue].astype(np.float32)
+        self.restraints = restraints
+        centroids = [mesh.points[mesh.part_nodes(k)].mean(axis=0) for k in range(1, mesh.n_parts + 1)]
+        self._joints = JointSystem(restraints.joints, mesh.rigid_names, np.array(centroids).reshape(-1, 3))
+        self._foundations = FoundationSystem(restraints.foundations, mesh)
 
     @staticmethod
-    def of_materials(mesh: TissueMesh, materials: "Sequence[Material]") -> "Equilibrium":
+    def of_materials(
+        mesh: TissueMesh, materials: "Sequence[Material]", restraints: Restraints = FREE,
+    ) -> "Equilibrium":
         """For the materials of a scene, one for each tissue.
 
         Raises:
@@ -73,7 +86,7 @@ class Equilibrium:
                     "tissue", expected="the energy 'stable' (Stable Neo-Hookean without logarithm)",
                     got=type(material).__name__, fix="use the elastic prior alone, or tissue.energy=stable",
                 )
-        return Equilibrium(mesh, mu=constants[:, 0], lam=constants[:, 1])
+        return Equilibrium(mesh, mu=constants[:, 0], lam=constants[:, 1], restraints=restraints)
 
     def nodal_forces(self, field: AnyArray) -> Float32Array:
         """∂E/∂x of every node [N], float32, shape (n, 3), for a displacement field [mm], shape (n, 3)."""
@@ -81,15 +94,18 @@ class Equilibrium:
         nodal = np.zeros_like(moved)
         add = add_quadratic_stable_forces if self._rule else add_stable_forces
         add(self._cells, moved, self._gradients, self._volume, self._mu, self._lam, *self._rule, nodal)
+        if len(self._foundations):
+            self._foundations.add_forces(moved, nodal)
         return nodal
 
-    def residual(self, field: AnyArray, coordinates: ReducedCoordinates) -> Float32Array:
+    def residual(self, unknowns: AnyArray, coordinates: ReducedCoordinates) -> Float32Array:
         """Unbalanced force on each unknown [N, N mm], float32, shape (D,).
 
         Args:
-            field: displacement that moves the parts rigidly and nothing that is fixed [mm], shape (n, 3).
+            unknowns: the state [mm, rad], shape (D,).
             coordinates: the unknowns.
         """
+        field = coordinates.expand(unknowns)
         nodal = self.nodal_forces(field)
         out = np.empty(coordinates.size, dtype=np.float32)
         out[: coordinates.n_soft] = nodal[coordinates.free].ravel()
@@ -100,4 +116,10 @@ class Equilibrium:
             wrench = out[coordinates.n_soft + 6 * k:][:6]
             wrench[:3] = force.sum(axis=0)
             wrench[3:] = np.cross(moved - moved[:count].mean(axis=0), force).sum(axis=0)
+        if len(self._joints):
+            twists = coordinates.twists(unknowns)
+            wrenches = self._joints.gradient(rotation_from_vector(twists[:, 3:]), twists[:, :3])
+            out[coordinates.n_soft:] += wrenches.ravel().astype(np.float32)
+        if coordinates.held.any():
+            out[coordinates.n_soft:].reshape(-1, 6)[coordinates.held] = 0.0
         return out

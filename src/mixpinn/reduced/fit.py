@@ -125,7 +125,7 @@ def prepare_samples(prior: ElasticPrior, equilibrium: Equilibrium, table: Sample
         force = contact.solve(sample.contact_displacement.ravel())
         response, residual = found.response[index], found.residual[index]
         response[:] = prior.respond_to_forces(contact, force)
-        residual[:] = equilibrium.residual(space.expand(response), space)
+        residual[:] = equilibrium.residual(response, space)
         residual[contact.unknowns] = 0.0
         found.missed[index] = space.project(sample.displacement) - response
         found.rows.append(contact.rows)
@@ -157,7 +157,8 @@ def fit_hybrid(
                 "samples", expected=f"samples of {discretisation_of(prior.mesh)}", got=f"those of {table.made_on}",
                 fix="build the prior on the mesh of the simulations",
             )
-    prepared = prepare_samples(prior, Equilibrium.of_materials(prior.mesh, materials), train)
+    equilibrium = Equilibrium.of_materials(prior.mesh, materials, prior.restraints)
+    prepared = prepare_samples(prior, equilibrium, train)
     model = fit_correction(prior, materials, prepared, config)
     error = None
     if len(validation):
@@ -180,11 +181,14 @@ def fit_correction(
     modes = principal_modes(drawn.missed, weights, config.modes, rng=rng)
     principal = principal_modes(drawn.response, weights, config.coordinates, rng=rng)
     principal = excited_modes(principal, weights, drawn.response)
-    system, linear = ElasticSystem(prior.mesh, materials), default_solver()
+    tied = prior.restraints
+    system = ElasticSystem(prior.mesh, materials, joints=tied.joints, foundations=tied.foundations)
+    linear = default_solver()
     linear.factorize(system.tangent(system.rest_state(), project=True))
     duals = linear.solve(np.asfortranarray((weights**2 * modes).T, dtype=np.float64)).T
     newton = ModalNewton(
-        prior, Equilibrium.of_materials(prior.mesh, materials), modes, np.ascontiguousarray(duals, dtype=np.float32),
+        prior, Equilibrium.of_materials(prior.mesh, materials, tied), modes,
+        np.ascontiguousarray(duals, dtype=np.float32),
         np.ascontiguousarray(prior.compliance.times(weights**2 * modes)),
     )
     readers = np.ascontiguousarray(prior.compliance.times(weights**2 * principal))

@@ -213,7 +213,9 @@ class HybridModel:
         prior = ElasticPrior.load(folder / PRIOR_FOLDER, mesh)
         arrays = _checked(read_arrays(folder / _TENSORS)[0], prior, str(folder / _TENSORS))
         try:
-            equilibrium = Equilibrium(mesh, mu=np.array(values.mu), lam=np.array(values.lam))
+            equilibrium = Equilibrium(
+                mesh, mu=np.array(values.mu), lam=np.array(values.lam), restraints=prior.restraints,
+            )
             newton = ModalNewton(prior, equilibrium, arrays["modes"], arrays["duals"], arrays["coupling"])
             where, size = f"{folder / HYBRID_FILE}: error", len(arrays["readers"])
             error = None if values.error is None else ErrorEstimate.of_dict(

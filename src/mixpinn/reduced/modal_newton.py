@@ -52,7 +52,7 @@ class ModalNewton:
             contact: the contact nodes that are held.
         """
         coordinates = self.prior.coordinates
-        residual = self.equilibrium.residual(coordinates.expand(unknowns), coordinates)
+        residual = self.equilibrium.residual(unknowns, coordinates)
         residual[contact.unknowns] = 0.0
         return self.step_of_residual(residual, contact)
 

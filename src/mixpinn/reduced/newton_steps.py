@@ -30,7 +30,9 @@ class NewtonSteps:
 
         self.prior, self.steps = prior, steps
         self.name = f"Prior + {steps} Newton step{'s' if steps > 1 else ''}"
-        self._system, self._rest, self._now = ElasticSystem(prior.mesh, materials), default_solver(), default_solver()
+        tied = prior.restraints
+        self._system = ElasticSystem(prior.mesh, materials, joints=tied.joints, foundations=tied.foundations)
+        self._rest, self._now = default_solver(), default_solver()
         self._rest.factorize(self._system.tangent(self._system.rest_state(), project=True))
 
     def predict(self, nodes: AnyArray, displacements: AnyArray) -> Float32Array:
@@ -49,7 +51,7 @@ class NewtonSteps:
         """Unknowns (D,) after `steps` steps with the rest-state stiffness from `unknowns` (D,)."""
         state = self._system.advance(self._system.rest_state(), unknowns)
         for _ in range(steps):
-            residual = self._system.reduce(self._system.gradient(state), state)
+            residual = self._system.residual(self._system.gradient(state), state)
             residual[contact.unknowns] = 0.0
             free = self._rest.solve(residual)
             held = contact.solve(free[contact.unknowns])
@@ -68,7 +70,7 @@ class NewtonSteps:
         state = self._system.advance(self._system.rest_state(), np.asarray(unknowns, dtype=np.float64))
         history = []
         for step in range(steps + 1):
-            residual = self._system.reduce(self._system.gradient(state), state)
+            residual = self._system.residual(self._system.gradient(state), state)
             reaction = float(np.linalg.norm(residual[held]))
             residual[held] = 0.0
             history.append(float(np.linalg.norm(residual)) / max(reaction, 1e-12))

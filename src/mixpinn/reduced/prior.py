@@ -10,10 +10,10 @@ C is computed once for every node that a probe may touch; a prediction then solv
 move by the finite rotation of their twist, so that their edges keep their length.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy.linalg
@@ -23,6 +23,7 @@ from mixpinn.base.errors import InputError
 from mixpinn.base.files import atomic_path, write_json
 from mixpinn.base.manifest import Artefact
 from mixpinn.base.validated import ArraySpec, load_arrays, load_record
+from mixpinn.physics.restraints import FREE, Restraints
 from mixpinn.records import TissueMesh
 from mixpinn.records.answer import discretisation_of
 from mixpinn.reduced.compliance import Compliance, DenseCompliance, FactoredCompliance
@@ -113,6 +114,7 @@ class _About:
     tolerance: float = 0.0
     missed: float = 0.0
     factored: bool = False
+    restraints: dict[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,6 +129,7 @@ class ElasticPrior:
         name: for tables.
         missed: relative error (root mean square, away from the contact nodes) of its responses to contacts that its
             modes were not drawn from; 0 where the compliance is exact.
+        restraints: joints and foundations of the body.
     """
 
     mesh: TissueMesh
@@ -134,6 +137,7 @@ class ElasticPrior:
     compliance: Compliance
     name: str = "Elastic prior"
     missed: float = 0.0
+    restraints: Restraints = FREE
 
     def __post_init__(self) -> None:
         coordinates = ReducedCoordinates(self.mesh)
@@ -168,13 +172,13 @@ class ElasticPrior:
     @staticmethod
     def build(
         mesh: TissueMesh, materials: "Sequence[Material]", *, nodes: IntArray | None = None,
-        linear: "LinearSolver | None" = None, chunk: int = 96,
+        linear: "LinearSolver | None" = None, chunk: int = 96, restraints: Restraints = FREE,
     ) -> "ElasticPrior":
         """The prior of a body; see `mixpinn.reduced.build_prior`."""
         # Imported here: building brings the solver, answering does without it.
         from mixpinn.reduced.build_prior import build_prior
 
-        return build_prior(mesh, materials, nodes=nodes, linear=linear, chunk=chunk)
+        return build_prior(mesh, materials, nodes=nodes, linear=linear, chunk=chunk, restraints=restraints)
 
     def respond(self, nodes: AnyArray, displacement: AnyArray) -> tuple[FloatArray, FloatArray]:
         """The reduced unknowns and the contact forces that go with imposed displacements.
@@ -227,7 +231,8 @@ class ElasticPrior:
                 it by at most this share, in the Frobenius norm; the contact nodes' own block stays exact. Such a prior
                 is multiplied out when it is read, unless that would take more than `DENSE_BYTES`.
         """
-        folder = Path(folder)
+        folder, record = Path(folder), self.restraints.record()
+        Restraints.of_record(record, "joints of a prior that is kept")  # a law of the user's own cannot be read back
         if isinstance(self.compliance, FactoredCompliance):
             kept = self.compliance
             arrays = {_LEFT: kept.left, _RIGHT: kept.right, _OWN: kept.block}
@@ -240,7 +245,7 @@ class ElasticPrior:
                 np.save(temporary, array, allow_pickle=False)
         write_json(folder / _ABOUT, {
             "mesh_hash": self.mesh.hash(), "nodes": self.nodes, "name": self.name, "tolerance": max(tolerance, 0.0),
-            "missed": self.missed, "factored": _LEFT in arrays,
+            "missed": self.missed, "factored": _LEFT in arrays, "restraints": record,
         })
         PRIOR.seal(folder, [_ABOUT, *arrays])
 
@@ -300,4 +305,5 @@ class ElasticPrior:
             compliance = DenseCompliance(load_arrays(
                 folder, whole, remake=PRIOR.remake, extents=extents, mapped=("compliance",),
             )["compliance"])
-        return ElasticPrior(mesh, nodes, compliance, about.name, about.missed)
+        restraints = Restraints.of_record(about.restraints, str(folder / _ABOUT))
+        return ElasticPrior(mesh, nodes, compliance, about.name, about.missed, restraints)

@@ -24,7 +24,7 @@ from mixpinn.evaluation import (
     write_report,
 )
 from mixpinn.fem import Material
-from mixpinn.fem.scene_record import BUILT_IN, JOINTS, refuse_joints
+from mixpinn.fem.scene_record import BUILT_IN
 from mixpinn.records import Evaluation, SampleTable, TissueMesh
 from mixpinn.records.answer import discretisation_of
 from mixpinn.reduced.newton_steps import NewtonSteps
@@ -103,15 +103,13 @@ def evaluate_models(
         The evaluations, and the path of the report.
 
     Raises:
-        InputError: a model of another mesh or a damaged one; with `config.prior`, materials that are not recorded, or
-            joints.
+        InputError: a model of another mesh or a damaged one; with `config.prior`, materials or joints that are not
+            recorded.
     """
     out, background = Path(out), background or Background()
-    if config.prior:
-        refuse_joints(store.scene.get(JOINTS, ()), "elastic prior beside the models (prior=false leaves it out)")
     mesh, test = store.mesh(), held_out_samples(table, choose_samples(table, split, held_out))
     if config.prior:
-        materials = store.materials() if materials is None else tuple(materials)
+        materials, restraints = store.materials() if materials is None else tuple(materials), store.restraints()
     trained = [_load(folder, mesh, threads) for folder in models]
     begun = start_run(
         out, "evaluate", config, seed=config.seed,
@@ -126,7 +124,7 @@ def evaluate_models(
         return tuple(evaluations), out / REPORT
     candidates: list[Candidate] = [ZeroModel(mesh.n_points)]
     if materials is not None and config.prior:
-        prior = cached_prior(mesh, materials, touched=table.contact_nodes)
+        prior = cached_prior(mesh, materials, touched=table.contact_nodes, restraints=restraints)
         candidates.append(prior)
         if config.newton_steps:
             candidates.append(NewtonSteps(prior, materials, steps=config.newton_steps))

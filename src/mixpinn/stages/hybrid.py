@@ -10,7 +10,6 @@ from mixpinn.base.files import hash_arrays
 from mixpinn.base.rundir import finish_run, is_finished, run_scope, start_run
 from mixpinn.dataset import SimulationStore, Split
 from mixpinn.fem import ContactConfig, Material
-from mixpinn.fem.scene_record import JOINTS, refuse_joints
 from mixpinn.press.contact import PriorContact
 from mixpinn.press.domain import PoseDomain
 from mixpinn.press.files import save_pose_model
@@ -58,13 +57,11 @@ def make_hybrid(
         held_out: a hold-out by name whose samples neither fit nor calibration sees.
 
     Raises:
-        InputError: `out` holds another run, materials or contact of the simulations are not recorded, or the
-            simulations have joints.
+        InputError: `out` holds another run, or materials, joints or contact of the simulations are not recorded.
     """
-    refuse_joints(store.scene.get(JOINTS, ()), "hybrid model")
     out, mesh = Path(out), store.mesh()
     samples = choose_samples(table, split, held_out)
-    materials = store.materials() if materials is None else tuple(materials)
+    materials, restraints = store.materials() if materials is None else tuple(materials), store.restraints()
     probe = store.probe() if config.pose and len(samples.validation) else None
     contact = None if probe is None else store.contact()
     begun = start_run(
@@ -73,7 +70,7 @@ def make_hybrid(
     )
     if begun and is_finished(out) and (out / HYBRID_FILE).is_file():
         return HybridModel.load(out, mesh)
-    prior = cached_prior(mesh, materials, touched=table.contact_nodes)
+    prior = cached_prior(mesh, materials, touched=table.contact_nodes, restraints=restraints)
     model = fit_hybrid(
         prior, materials, table.select(samples.train), table.select(samples.validation), config.hybrid,
     )

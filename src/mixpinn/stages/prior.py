@@ -11,13 +11,15 @@ from mixpinn.base.errors import InputError
 from mixpinn.base.files import hash_arrays
 from mixpinn.base.lock import locked
 from mixpinn.fem import Material
-from mixpinn.fem.scene_record import plain
+from mixpinn.physics.restraints import FREE, Restraints
 from mixpinn.records import TissueMesh
+from mixpinn.records.plain import plain
 from mixpinn.reduced.prior import ElasticPrior, probed_nodes
 
 
 def cached_prior(
     mesh: TissueMesh, materials: Sequence[Material], *, touched: AnyArray | Sequence[int] = (),
+    restraints: Restraints = FREE,
 ) -> ElasticPrior:
     """The elastic prior for every node that a probe may touch; computed once, then read from the cache.
 
@@ -25,17 +27,19 @@ def cached_prior(
         mesh: the mesh.
         materials: one for each of its tissues.
         touched: further nodes that samples touch, shape (c,).
+        restraints: joints and foundations of the body.
     """
     nodes = np.union1d(probed_nodes(mesh), np.asarray(touched, dtype=np.int64))
     # A class of the user's own that is no dataclass has no constants that could be recorded: not kept.
-    kept = all(isinstance(plain(material), dict) for material in materials)
-    if not kept:
-        return ElasticPrior.build(mesh, materials, nodes=nodes)
-    key = hash_arrays(nodes, np.frombuffer(repr((mesh.hash(), plain(list(materials)))).encode(), dtype=np.uint8))
+    laws = [*materials, *(joint.law for joint in restraints.joints)]
+    if not all(isinstance(plain(law), dict) for law in laws):
+        return ElasticPrior.build(mesh, materials, nodes=nodes, restraints=restraints)
+    body = (mesh.hash(), plain(list(materials)), *([restraints.record()] if restraints != FREE else []))
+    key = hash_arrays(nodes, np.frombuffer(repr(body).encode(), dtype=np.uint8))
     folder = cache_folder("prior", key)
     with locked(folder, wait=True):  # two processes that need the same prior compute it once
         with contextlib.suppress(InputError):  # what is absent or damaged in the cache is made anew
             return ElasticPrior.load(folder, mesh)
-        prior = ElasticPrior.build(mesh, materials, nodes=nodes)
+        prior = ElasticPrior.build(mesh, materials, nodes=nodes, restraints=restraints)
         prior.save(folder)
         return prior

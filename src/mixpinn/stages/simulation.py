@@ -32,8 +32,9 @@ from mixpinn.fem import (
     scene_hash,
     scene_record,
 )
-from mixpinn.fem.scene_record import JOINTS, refuse_joints
+from mixpinn.fem.scene_record import refuse_joints
 from mixpinn.geometry.probe_shapes import linear_probe
+from mixpinn.physics.restraints import JOINTS
 from mixpinn.records import Probe, TissueMesh
 from mixpinn.records.probe import check_probe
 

@@ -17,7 +17,6 @@ from mixpinn.base.progress import console
 from mixpinn.base.rundir import RECORD, finish_run, run_scope, start_run
 from mixpinn.dataset import SimulationStore, Split
 from mixpinn.evaluation import ZeroModel
-from mixpinn.fem.scene_record import JOINTS, refuse_joints
 from mixpinn.networks import MIXPINN
 from mixpinn.records import MESH_FILE, SampleTable, TissueMesh
 from mixpinn.stages.anatomy import AnatomyConfig, make_anatomy, source_settings
@@ -169,11 +168,10 @@ def _prepare(
 
 def _baselines(store: SimulationStore, mesh: TissueMesh, table: SampleTable, out: Path) -> None:
     """Evaluate on every test set what needs no training."""
-    refuse_joints(store.scene.get(JOINTS, ()), "elastic prior among the baselines")
     folders: list[tuple[str, Callable[[], object]]] = [
         ("no-motion", lambda: ZeroModel(mesh.n_points)),
         ("elastic-prior", lambda: cached_prior(
-            mesh, store.materials(), touched=_contacts(out, table),
+            mesh, store.materials(), touched=_contacts(out, table), restraints=store.restraints(),
         )),
     ]
     for name, build in folders:

@@ -89,7 +89,8 @@ class ContactUnknowns:
             place = (3 * vertex[moved] + axis, np.searchsorted(moving, unknown[moved]))
             np.add.at(self._soft_jacobian, place, self._weights[vertex, which][moved])
         self._moving = moving
-        self._free = np.ones(len(moving), dtype=bool) if held is None else ~held[moving]
+        still = system.locked if held is None else held | system.locked
+        self._free = ~still[moving]
         self.kept: IntArray = moving[self._free]
         self._plain: Link | None = None
         if self._nodes.shape[1] == 1 and not self._rigid:

@@ -34,9 +34,9 @@ def check_elastic_input(mesh: TissueMesh, tissues: int, extra_pairs: IntArray | 
         _fail("mesh", "cells of positive volume", f"{len(bad)} others, the first is cell {bad[0]}", "mesh again")
     if len(parts) > mesh.n_parts or not parts.all() or mesh.part.min() < 0:
         _fail("mesh", f"nodes in each rigid part 1 … {mesh.n_parts}", f"node counts {parts}", "label the nodes again")
-    if (mesh.fixed & (mesh.part > 0)).any():
-        name = mesh.rigid_names[int(mesh.part[mesh.fixed & (mesh.part > 0)][0]) - 1]
-        _fail(f"rigid part {name}", "no fixed node", "some", "fix soft nodes only")
+    for k in np.unique(mesh.part[mesh.fixed & (mesh.part > 0)]):
+        if not mesh.held_parts[k - 1]:
+            _fail(f"rigid part {mesh.rigid_names[k - 1]}", "no fixed node, or all", "some", "fix all of it, or none")
     lonely = (mesh.part == 0) & ~mesh.fixed
     lonely[mesh.cells] = False
     if lonely.any():

@@ -14,11 +14,12 @@ from mixpinn.fem.elements.input_check import check_elastic_input
 from mixpinn.fem.elements.pattern import NodePairs, Reduction
 from mixpinn.fem.elements.ranges import RangeRunner
 from mixpinn.fem.material.hyperelastic import Material
-from mixpinn.fem.rigid.joints import Joint, JointSystem
 from mixpinn.fem.rigid.parts import RigidParts, geometric_stiffness
 from mixpinn.geometry.rotations import orthonormalise, rotation_from_vector, vector_from_rotation
 from mixpinn.geometry.tetrahedra import shape_gradients
 from mixpinn.physics import linear_tetrahedron, quadratic_tetrahedron
+from mixpinn.physics.foundation import Foundation, FoundationSystem
+from mixpinn.physics.joint_system import Joint, JointSystem
 from mixpinn.physics.quadrature import TETRAHEDRON_4, Quadrature
 from mixpinn.records import TissueMesh
 
@@ -62,10 +63,14 @@ class ElasticSystem:
         threads: threads of the assembly; results do not depend on it.
         quadrature: of ten-node cells.
         joints: between the rigid parts; their energy belongs to E.
+        foundations: under the skin; their energy belongs to E.
 
     Raises:
-        InputError: wrong number of materials, inverted cells, a rigid part with fixed nodes or without nodes, a
-            soft node without a cell, a joint of a part that is not there.
+        InputError: wrong number of materials, inverted cells, a rigid part of which some nodes are fixed, or without
+            nodes, a soft node without a cell, a joint of a part that is not there.
+
+    The six unknowns of a rigid part whose nodes are all fixed are there and stay zero: their residual is zero, their
+    rows and columns of the tangent are those of the unit matrix.
 
     An instance keeps work arrays: it serves one caller at a time.
 
@@ -82,7 +87,7 @@ class ElasticSystem:
 
     def __init__(
         self, mesh: TissueMesh, materials: Sequence[Material], *, extra_pairs: IntArray | None = None, threads: int = 1,
-        quadrature: Quadrature = TETRAHEDRON_4, joints: Sequence[Joint] = (),
+        quadrature: Quadrature = TETRAHEDRON_4, joints: Sequence[Joint] = (), foundations: Sequence[Foundation] = (),
     ) -> None:
         check_elastic_input(mesh, len(materials), extra_pairs)
         self.mesh = mesh
@@ -93,6 +98,7 @@ class ElasticSystem:
         self._fixed = mesh.node_fixed
         self._rigid = RigidParts(self._rest, self._part, mesh.n_parts, n_vertices=mesh.n_points)
         self.joints = JointSystem(joints, mesh.rigid_names, self._rigid.centroids)
+        self.foundations = FoundationSystem(tuple(foundations), mesh)
 
         # Sorted, ten nodes are four vertices and the midpoints of their pairs in ascending order.
         self._all_cells = np.sort(np.asarray(mesh.cell_nodes, dtype=np.int64), axis=1)
@@ -105,6 +111,8 @@ class ElasticSystem:
         extra = np.empty((0, 2), dtype=np.int64) if extra_pairs is None else np.asarray(extra_pairs, dtype=np.int64)
         self._pairs = NodePairs.build(len(self._rest), self._elastic.cells, np.concatenate([mesh.edges, extra]))
         self._reduction = Reduction.build(self._pairs, self._part, self._fixed, mesh.n_parts)
+        self.locked: BoolArray = np.zeros(self.n_dofs, dtype=bool)
+        self.locked[self.n_dofs - 6 * mesh.n_parts:] = np.repeat(mesh.held_parts, 6)
         self._blocks = np.empty((len(self._pairs.codes), 3, 3))
         self._diagonals = np.empty((len(self._rest), 3, 3))
 
@@ -159,15 +167,19 @@ class ElasticSystem:
         return moved
 
     def energy(self, state: State) -> float:
-        """Elastic energy E of cells and joints [N mm], zero at rest."""
-        return self._elastic.energy(state.points) + self.joints.energy(state.rotation, state.translation)
+        """Elastic energy E of cells, joints and foundations [N mm], zero at rest."""
+        energy = self._elastic.energy(state.points) + self.joints.energy(state.rotation, state.translation)
+        return energy + self.foundations.energy(state.points - self._rest) if len(self.foundations) else energy
 
     def gradient(self, state: State) -> FloatArray:
-        """Gradient of the cells' energy at every node, fixed and rigid ones included [N], shape (n, 3).
+        """Gradient of the energy of cells and foundations at every node, fixed and rigid ones included [N], (n, 3).
 
         Joints act on parts, not on nodes: `residual` has them.
         """
-        return self._elastic.gradient(state.points)
+        gradient = self._elastic.gradient(state.points)
+        if len(self.foundations):
+            self.foundations.add_forces(state.points - self._rest, gradient)
+        return gradient
 
     def residual(self, nodal: FloatArray, state: State) -> FloatArray:
         """`reduce` of a nodal gradient (n, 3) [N], and the joints' part of ∂E/∂q; shape (n_dofs,) [N, N mm]."""
@@ -176,11 +188,14 @@ class ElasticSystem:
             residual[self.n_dofs - 6 * len(self._rigid):] += self.joints.gradient(
                 state.rotation, state.translation,
             ).ravel()
+            residual[self.locked] = 0.0
         return residual
 
     def reduce(self, nodal: FloatArray, state: State) -> FloatArray:
         """Jᵀ g: nodal gradients or forces (n, 3) [N] on the unknowns, shape (n_dofs,) [N, N mm]."""
-        return np.concatenate([nodal[self.free_nodes].ravel(), self.part_wrench(nodal, state).ravel()])
+        reduced = np.concatenate([nodal[self.free_nodes].ravel(), self.part_wrench(nodal, state).ravel()])
+        reduced[self.locked] = 0.0
+        return reduced
 
     def part_wrench(self, nodal: FloatArray, state: State) -> FloatArray:
         """Net force [N] and moment about the current centroid [N mm] of each rigid part, shape (K, 6)."""
@@ -213,6 +228,8 @@ class ElasticSystem:
         self._elastic.stiffness(state.points, pairs, project, self._blocks, self._diagonals)
         if blocks is not None:
             self._add(blocks)
+        if len(self.foundations):
+            self.foundations.add_stiffness(state.points - self._rest, self._diagonals)
         arms = self._rigid.arms(state.points, state.translation)
         data = np.empty(reduction.nnz)
         n_soft = len(reduction.soft_nodes)
@@ -233,8 +250,8 @@ class ElasticSystem:
             self.joints.add_tangent(state.rotation, state.translation, dense, project=project)
             data[reduction.indptr[3 * n_soft]:] = dense[np.triu_indices(len(dense))]
         matrix = self._matrix(data)
-        if held is not None:
-            self._hold(matrix, held)
+        if held is not None or self.locked.any():
+            self._hold(matrix, self.locked if held is None else held | self.locked)
         return matrix
 
     def hold(self, matrix: sp.csr_matrix, held: BoolArray) -> sp.csr_matrix:

@@ -13,7 +13,7 @@ from enum import StrEnum
 import numpy as np
 
 from mixpinn.base.errors import InputError
-from mixpinn.fem.rigid.joints import Joint
+from mixpinn.physics.joint_system import Joint
 from mixpinn.physics.joints import LinearBushing
 from mixpinn.records.joint_frame import JointFrame
 

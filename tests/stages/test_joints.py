@@ -1,4 +1,4 @@
-"""Stores keep joints; stages that do not know them refuse them instead of leaving them out."""
+"""Joints through the stages: in stores, in the prior and its bundle."""
 
 from dataclasses import replace
 
@@ -7,12 +7,10 @@ import pytest
 
 from dataset.dataset_fakes import block
 from mixpinn.base.errors import InputError
-from mixpinn.dataset import SMALL, SimulationStore, Split
+from mixpinn.dataset import SMALL, SimulationStore
 from mixpinn.fem import DEFAULT_TISSUE, Joint, JointFrame, LinearBushing, Scene
 from mixpinn.pipeline import onboarding
-from mixpinn.records import SampleTable
-from mixpinn.stages.evaluation import EvaluationConfig, evaluate_models
-from mixpinn.stages.hybrid import HybridStageConfig, make_hybrid
+from mixpinn.reduced.hybrid import HybridModel
 from mixpinn.stages.simulation import begin_simulations, settings_of, settings_of_scene
 
 AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
@@ -46,15 +44,16 @@ def test_a_store_keeps_the_joints_and_other_joints_are_another_run(begun, tmp_pa
         begin_simulations(other.mesh, settings, out=tmp_path / "run", scene=other)
 
 
-def test_stages_without_joints_refuse_them(begun, tmp_path) -> None:
-    scene, store = begun
-    empty, split = SampleTable.__new__(SampleTable), Split.__new__(Split)
-    with pytest.raises(InputError, match=r"hybrid model.*does not know joints"):
-        make_hybrid(store, empty, split, HybridStageConfig(), out=tmp_path / "hybrid")
-    with pytest.raises(InputError, match=r"settings of a store.*does not know joints"):
-        settings_of(store)
-    with pytest.raises(InputError, match=r"elastic prior.*does not know joints"):
-        onboarding._prior_bundle(scene, tmp_path / "bundle")
-    with pytest.raises(InputError, match="prior=false"):
-        evaluate_models(store, empty, split, [], EvaluationConfig(), out=tmp_path / "evaluation")
-    assert not (tmp_path / "hybrid").exists()
+def test_settings_of_joints_that_are_no_settings_are_refused(begun) -> None:
+    with pytest.raises(InputError, match=r"settings of a store.*joints"):
+        settings_of(begun[1])
+
+
+def test_the_prior_bundle_knows_the_joints(begun, tmp_path) -> None:
+    scene, _ = begun
+    model = onboarding._prior_bundle(scene, tmp_path / "bundle")
+    assert model.prior.restraints == scene.restraints
+    again = HybridModel.load(tmp_path / "bundle", scene.mesh)
+    assert again.newton.equilibrium.restraints == scene.restraints
+    bare = onboarding._prior_bundle(replace(scene, joints=()), tmp_path / "bare")
+    assert np.abs(again.prior.own_compliance - bare.prior.own_compliance).max() > 1e-3 * bare.prior.own_compliance.max()

@@ -18,9 +18,9 @@ from mixpinn.fem import (
     StableNeoHookean,
     SuperLUSolver,
 )
-from mixpinn.fem.rigid.joints import JointSystem
 from mixpinn.geometry.probe_shapes import spherical_probe
 from mixpinn.geometry.rotations import rotation_from_vector, vector_from_rotation
+from mixpinn.physics.joint_system import JointSystem
 from validation.newton import equilibrium
 
 SOFT = StableNeoHookean(mu=1.0, lam=4.0)

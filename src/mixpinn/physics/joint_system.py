@@ -7,6 +7,7 @@ import numpy as np
 
 from mixpinn.base.arrays import FloatArray
 from mixpinn.base.errors import InputError
+from mixpinn.physics.joint_kernel import motions_and_gradients
 from mixpinn.physics.joint_motion import CarriedFrame, motion_curvature, motion_gradient, relative_motion
 from mixpinn.physics.joints import JointLaw
 from mixpinn.records.joint_frame import JointFrame
@@ -49,7 +50,10 @@ class JointSystem:
                     )
         self.joints = tuple(joints)
         self._pairs = [(known[joint.frame.first], known[joint.frame.second]) for joint in joints]
-        self._centroids = centroids
+        self._centroids = np.ascontiguousarray(centroids, dtype=np.float64)
+        self._index = np.array(self._pairs, dtype=np.int64).reshape(-1, 2)
+        self._origins = np.array([joint.frame.origin for joint in joints]).reshape(-1, 3)
+        self._columns = np.array([joint.frame.columns for joint in joints]).reshape(-1, 3, 3)
 
     def __len__(self) -> int:
         return len(self.joints)
@@ -61,8 +65,7 @@ class JointSystem:
             rotation: of the parts, shape (K, 3, 3).
             translation: of their centroids [mm], shape (K, 3).
         """
-        motions = [relative_motion(*self._carried(j, rotation, translation)) for j in range(len(self))]
-        return np.array(motions).reshape(-1, 6)
+        return self._motions_and_gradients(rotation, translation)[0]
 
     def energy(self, rotation: FloatArray, translation: FloatArray) -> float:
         """Sum of the joints' energies [N mm]; operands as in `motions`."""
@@ -72,12 +75,21 @@ class JointSystem:
     def gradient(self, rotation: FloatArray, translation: FloatArray) -> FloatArray:
         """Derivative of the energy by the twist of each part about its centroid [N, N mm], shape (K, 6)."""
         gradient = np.zeros((len(self._centroids), 6))
-        for j, joint in enumerate(self.joints):
-            frames = self._carried(j, rotation, translation)
-            both = motion_gradient(*frames).T @ joint.law.wrench(relative_motion(*frames))
-            for k, part in zip(self._pairs[j], (both[:6], both[6:]), strict=True):
-                gradient[k] += part
+        motions, rates = self._motions_and_gradients(rotation, translation)
+        for joint, (first, second), motion, rate in zip(self.joints, self._pairs, motions, rates, strict=True):
+            both = joint.law.wrench(motion) @ rate
+            gradient[first] += both[:6]
+            gradient[second] += both[6:]
         return gradient
+
+    def _motions_and_gradients(self, rotation: FloatArray, translation: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """q of each joint, shape (j, 6), and its derivative by the twists of its two parts, shape (j, 6, 12)."""
+        motions, gradients = np.empty((len(self), 6)), np.empty((len(self), 6, 12))
+        motions_and_gradients(
+            np.ascontiguousarray(rotation), np.ascontiguousarray(translation), self._centroids, self._index,
+            self._origins, self._columns, motions, gradients,
+        )
+        return motions, gradients
 
     def add_tangent(
         self, rotation: FloatArray, translation: FloatArray, dense: FloatArray, *, project: bool = False,
