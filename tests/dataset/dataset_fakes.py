@@ -45,8 +45,8 @@ class FakeScene:
     Attributes:
         mesh, probe: as in a real scene.
         log: folder in which each run leaves a file.
-        trouble: position index to what happens there: ``die`` always, ``die once``, ``raise``, ``stall``,
-            ``end parent``, ``unconverged``.
+        trouble: position index to what happens there: ``die`` always, ``die once``, ``stop`` always, ``stop once``,
+            ``raise``, ``end parent``, ``unconverged``.
         pause: seconds that each step takes.
     """
 
@@ -103,6 +103,8 @@ def fake_runner(
     trouble = scene.trouble.get(position_index, "")
     if trouble == "die" or (trouble == "die once" and not before):
         os.kill(os.getpid(), signal.SIGKILL)
+    if trouble == "stop" or (trouble == "stop once" and not before):
+        os.kill(os.getpid(), signal.SIGSTOP)
     if trouble == "end parent":
         os.kill(os.getppid(), signal.SIGKILL)
         time.sleep(0.5)
@@ -140,3 +142,29 @@ def filled_store(folder: Path, scene: FakeScene, **kwargs: int) -> SimulationSto
     for pose in store.poses:
         run_pose(store, scene, fake_runner, pose)
     return store
+
+
+class Stubborn:
+    """A scene that cannot be taken over by its worker as it should: what happens when it is unpickled.
+
+    Attributes:
+        scene: what it is in the end.
+        trouble: ``raise``, or a signal that the worker gets while it starts.
+        marks: where a file is left at each start; the trouble comes the first `times` times.
+    """
+
+    def __init__(self, scene: FakeScene, trouble: str | int, marks: Path, *, times: int = 99) -> None:
+        self.scene, self.trouble, self.marks, self.times = scene, trouble, marks, times
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return _take_over, (self.scene, self.trouble, self.marks, self.times)
+
+
+def _take_over(scene: FakeScene, trouble: str | int, marks: Path, times: int) -> FakeScene:
+    begun = len(list(marks.iterdir()))
+    (marks / f"start_{begun}").touch()
+    if begun < times:
+        if trouble == "raise":
+            raise ImportError("no module named like this")
+        os.kill(os.getpid(), int(trouble))
+    return scene

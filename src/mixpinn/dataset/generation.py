@@ -8,7 +8,7 @@ from mixpinn.base.errors import InputError
 from mixpinn.base.lock import locked
 from mixpinn.base.progress import progress_bar
 from mixpinn.dataset.dask_pool import run_dask
-from mixpinn.dataset.local_pool import run_local
+from mixpinn.dataset.local_pool import STEP_TIMEOUT, run_local
 from mixpinn.dataset.protocol import Pose
 from mixpinn.dataset.status import PoseState
 from mixpinn.dataset.store import SimulationStore
@@ -29,13 +29,14 @@ def fem_runner() -> Runner:
 def generate(
     scene: Any, poses: Sequence[Pose], store: SimulationStore, *, workers: int = 1, threads: int = 1,
     runner: Runner | None = None, scheduler: str | None = None, retry_failed: bool = True,
+    timeout: float = STEP_TIMEOUT,
 ) -> GenerationSummary:
     """Simulate those of `poses` that `store` does not hold yet.
 
     Each pose runs in a worker process and is stored by it, so that a killed run loses the poses in flight and
     nothing else; the same call continues where it stopped. A step that did not converge is recorded as such and
-    never becomes a sample. A worker that dies costs its pose one of two attempts. Control-C stops the workers,
-    writes the summary so far and raises KeyboardInterrupt.
+    never becomes a sample. A worker that dies, or finishes no step for too long, costs its pose one of two
+    attempts. Control-C stops the workers, writes the summary so far and raises KeyboardInterrupt.
 
     Args:
         scene: handed to the runner as it is; must be picklable.
@@ -46,25 +47,27 @@ def generate(
         runner: simulates one pose; by default the project's own solver.
         scheduler: address of a Dask scheduler whose workers are used instead.
         retry_failed: whether poses that failed before are tried again.
+        timeout: a worker of this machine that finishes no step for so long is ended [s]; a runner that reports no steps
+            has it for the whole pose.
 
     Returns:
         The totals of the whole store, which also lie in its ``summary.json``.
 
     Raises:
-        InputError: fewer than one worker or thread, poses that do not belong to the store, a scene of another mesh,
-            a store that cannot be written, or one that another process simulates into.
+        InputError: fewer than one worker or thread, no time at all, poses that do not belong to the store, a scene of
+            another mesh, a store that cannot be written, or one that another process simulates into.
     """
-    _check(scene, poses, store, workers, threads)
+    _check(scene, poses, store, workers=workers, threads=threads, timeout=timeout)
     with locked(store.folder):
         return _generate(
             scene, poses, store, workers=workers, threads=threads, runner=runner or fem_runner(), scheduler=scheduler,
-            retry_failed=retry_failed,
+            retry_failed=retry_failed, timeout=timeout,
         )
 
 
 def _generate(
     scene: Any, poses: Sequence[Pose], store: SimulationStore, *, workers: int, threads: int, runner: Runner,
-    scheduler: str | None, retry_failed: bool,
+    scheduler: str | None, retry_failed: bool, timeout: float,
 ) -> GenerationSummary:
     store.clear_unfinished()
     left_out = {PoseState.DONE} if retry_failed else {PoseState.DONE, PoseState.FAILED}
@@ -74,7 +77,7 @@ def _generate(
     steps, done = store.protocol.steps, len(poses) - len(open_poses)
     events = (
         run_dask(store, scene, runner, open_poses, scheduler=scheduler) if scheduler
-        else run_local(store, scene, runner, open_poses, workers=workers, threads=threads)
+        else run_local(store, scene, runner, open_poses, workers=workers, threads=threads, timeout=timeout)
     )
     stepped = dict.fromkeys((pose.name for pose in open_poses), 0)
     ended = False
@@ -112,7 +115,11 @@ def _wall_seconds(store: SimulationStore) -> float:
         return 0.0
 
 
-def _check(scene: Any, poses: Sequence[Pose], store: SimulationStore, workers: int, threads: int) -> None:
+def _check(
+    scene: Any, poses: Sequence[Pose], store: SimulationStore, *, workers: int, threads: int, timeout: float,
+) -> None:
+    if not timeout > 0.0:
+        raise InputError("timeout", expected="more than 0 s", got=f"{timeout:g}", fix="correct the setting")
     for name, value in (("workers", workers), ("threads", threads)):
         if value < 1:
             raise InputError(name, expected="at least 1", got=str(value), fix="correct the setting")

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from multiprocessing.connection import Connection
 from typing import Any, Protocol
 
+from mixpinn.base.child_process import end_with_parent
 from mixpinn.base.errors import InputError
 from mixpinn.dataset.protocol import Pose, probe_path
 from mixpinn.dataset.status import PoseState, PoseStatus
@@ -52,12 +53,18 @@ def run_pose(
     return store.save(pose, simulation, attempts=attempt)
 
 
-def serve(connection: Connection, store: SimulationStore, scene: Any, runner: Runner) -> None:
-    """Loop of a worker process: receives ``(pose, attempt)`` until None, or until the parent is gone.
+def serve(connection: Connection, parent: int) -> None:
+    """Loop of a worker process: receives what it works on, then ``(pose, attempt)`` until None or the parent is gone.
 
-    Sends ``("ready", None)`` once, then for each pose ``("step", index)`` while it runs and ``("finished", status)``;
-    ``("error", fields)`` where the store cannot be written.
+    Sends ``("started", None)``, whereupon it is sent ``(store, scene, runner)``, and ``("ready", None)``; then for each
+    pose ``("step", index)`` while it runs and ``("finished", status)``. ``("error", fields)`` where the store cannot be
+    written, ``("unusable", text)`` where what it is to work on cannot be taken over.
+
+    Args:
+        connection: to the parent.
+        parent: the number of its process.
     """
+    end_with_parent(parent)
     # Control-C reaches the whole process group; the parent alone decides what it means.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
@@ -68,6 +75,14 @@ def serve(connection: Connection, store: SimulationStore, scene: Any, runner: Ru
             raise _ParentGone from error
 
     try:
+        connection.send(("started", None))
+        try:
+            store, scene, runner = connection.recv()
+        except (EOFError, OSError):
+            raise
+        except Exception as error:  # whatever its modules raise when they are imported here
+            connection.send(("unusable", f"{type(error).__name__}: {error}"))
+            return
         connection.send(("ready", None))
         while (message := connection.recv()) is not None:
             pose, attempt = message

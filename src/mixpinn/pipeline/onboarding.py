@@ -87,6 +87,7 @@ def onboard(config: OnboardingConfig, *, out: Path | str) -> Path:
     settings = asdict(config)
     for later in ("poses", "pictures"):  # decide how far, not what
         del settings[later]
+    del settings["simulation"]["timeout"]  # decides when
     start_run(out, "onboard", settings)
     clock = _Clock(out / _ROUNDS)
     label_map = make_anatomy(config.anatomy, out=out / "anatomy").label_map
@@ -146,7 +147,9 @@ def _learn(model: HybridModel, mesh: TissueMesh, config: OnboardingConfig, clock
 
 def _simulate(scene: Scene, store: SimulationStore, poses: Any, config: OnboardingConfig) -> None:
     workers = config.simulation.workers or os.cpu_count() or 1
-    generate(scene, poses, store, workers=workers, threads=scene.solver.threads or 1)
+    generate(
+        scene, poses, store, workers=workers, threads=scene.solver.threads or 1, timeout=config.simulation.timeout,
+    )
 
 
 def _samples_of(table: SampleTable, poses: Any) -> SampleTable:

@@ -59,7 +59,8 @@ def run_pipeline(config: RunConfig, *, out: Path | str, threads: int | None = No
     """
     out = Path(out)
     settings = asdict(config)
-    del settings["simulation"]["workers"]  # decides when, not what
+    for later in ("workers", "timeout"):  # decide when, not what
+        del settings["simulation"][later]
     start_run(out, "run", settings)
     settle_arithmetic()  # before anything is solved in this process
     clock = _Clock(out / TIMES)

@@ -9,6 +9,7 @@ from mixpinn.base.arrays import FloatArray
 from mixpinn.base.config import build_config
 from mixpinn.base.errors import InputError, SolveError
 from mixpinn.base.rundir import finish_run, run_scope, start_run
+from mixpinn.base.sensible import positive, require_settings
 from mixpinn.dataset import (
     ANATOMY,
     GenerationSummary,
@@ -21,6 +22,7 @@ from mixpinn.dataset import (
     read_positions,
     save_pose_map,
 )
+from mixpinn.dataset.local_pool import STEP_TIMEOUT
 from mixpinn.fem import (
     ContactConfig,
     LinearElastic,
@@ -113,6 +115,7 @@ class SimulationConfig:
         contact: gap, friction and stiffness.
         solver: tolerance and limits.
         workers: processes; 0 takes every core.
+        timeout: a worker that finishes no step for so long is ended, and its pose tried once more [s].
     """
 
     tissue: TissueConfig = field(default_factory=TissueConfig)
@@ -123,8 +126,10 @@ class SimulationConfig:
     contact: ContactConfig = field(default_factory=ContactConfig)
     solver: SolverConfig = field(default_factory=lambda: SolverConfig(threads=1))
     workers: int = 0
+    timeout: float = STEP_TIMEOUT
 
     def __post_init__(self) -> None:
+        require_settings(self, "simulation", positive(self, "timeout"))
         if self.workers < 0:
             raise InputError(
                 "workers", expected="0 for every core, or more", got=str(self.workers), fix="correct the setting",
@@ -212,7 +217,8 @@ def begin_simulations(
     own_joints = {} if not scene.joints else {"joints": scene_hash({JOINTS: record[JOINTS]}, mesh.hash())}
     inputs = {name: path for name, path in (("probe", config.probe), ("positions", config.positions)) if path}
     settings = asdict(config)
-    del settings["workers"]  # decides when, not what
+    for later in ("workers", "timeout"):  # decide when, not what
+        del settings[later]
 
     def start() -> None:
         hashes = {"mesh": mesh.hash(), **own_probe, **own_joints}
@@ -253,7 +259,7 @@ def make_simulations(
     scene, store = begin_simulations(mesh, config, out=out, scene=scene)
     summary = generate(
         scene, store.poses, store, workers=config.workers or os.cpu_count() or 1, threads=scene.solver.threads or 1,
-        scheduler=scheduler,
+        scheduler=scheduler, timeout=config.timeout,
     )
     summary.save(out / "summary.json")
     if not summary.done:

@@ -6,17 +6,22 @@ import os
 import threading
 import time
 from collections.abc import Generator, Sequence
-from multiprocessing.connection import wait
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
+from mixpinn.base.child_process import Patience, end_all
 from mixpinn.base.errors import InputError, MixpinnError
 from mixpinn.base.files import write_text
 from mixpinn.base.progress import progress_bar, quiet
-from mixpinn.dataset import pinned_threads
+from mixpinn.dataset.local_pool import deaf_to_interrupts, hear_interrupts, pinned_threads
 from mixpinn.studies.ablation_jobs import EVALUATIONS, MODELS_FOLDER, AblationJob, run_job, test_set_names
 
 POLL_SECONDS = 0.5
+BEAT_SECONDS = 1.0
+STANDSTILL = 900.0
+"""A job's process that shows no sign of life for so long is ended [s]."""
 MESSAGE = "error.txt"
 
 
@@ -85,27 +90,59 @@ def _local(
 ) -> Generator[tuple[str, str] | None, None, None]:
     """A process a job, so many at a time; yields what ended, and None now and then."""
     context = multiprocessing.get_context("spawn")
-    waiting, running = list(jobs), dict[str, Any]()
+    waiting, running = list(jobs), dict[str, _Run]()
+    patience: Patience[str] = Patience(STANDSTILL)
     try:
         while waiting or running:
             while waiting and len(running) < workers:
                 job = waiting.pop(0)
-                process = context.Process(target=work, args=(job, folder, devices))
-                with pinned_threads(threads):
+                here, there = context.Pipe(duplex=False)
+                process = context.Process(target=work, args=(job, folder, devices, there))
+                with pinned_threads(threads), deaf_to_interrupts():
                     process.start()
-                running[job.name] = process
+                there.close()
+                running[job.name] = _Run(process, here)
             time.sleep(POLL_SECONDS)
-            for name, process in list(running.items()):
-                if not process.is_alive():
-                    process.join()
+            for name, run in list(running.items()):
+                if run.beats():
+                    patience.heard(name)
+                if not run.process.is_alive():
+                    yield name, _reason(folder, name, run.end())
                     del running[name]
-                    yield name, _reason(folder, name, process.exitcode)
+            for name in patience.lost(dict.fromkeys(running, STANDSTILL)):
+                run = running.pop(name)
+                run.process.kill()
+                run.end()
+                yield name, f"its process stood still for {STANDSTILL:g} s and was ended; the same command continues it"
             yield None
     finally:
-        for process in running.values():
-            process.terminate()
-        for process in running.values():
-            process.join()
+        end_all(run.process for run in running.values())
+        for run in running.values():
+            run.end()
+
+
+@dataclass(frozen=True, eq=False)
+class _Run:
+    """A job's process, and the connection on which it shows now and then that it runs."""
+
+    process: Any
+    connection: Connection
+
+    def beats(self) -> bool:
+        """Whether there was a sign of life since this was last asked."""
+        heard = False
+        with contextlib.suppress(EOFError, OSError):
+            while self.connection.poll():
+                self.connection.recv()
+                heard = True
+        return heard
+
+    def end(self) -> int | None:
+        """Exit code of the ended process."""
+        self.process.join()
+        self.connection.close()
+        code: int | None = self.process.exitcode
+        return code
 
 
 def _reason(folder: Path, name: str, code: int | None) -> str:
@@ -116,12 +153,13 @@ def _reason(folder: Path, name: str, code: int | None) -> str:
     return message.read_text().strip() if message.exists() else f"its process ended with code {code}"
 
 
-def work(job: AblationJob, folder: Path, devices: int) -> None:
+def work(job: AblationJob, folder: Path, devices: int, parent: Connection) -> None:
     """What a worker process does; a failure that a user can mend is left in a file as one line."""
-    threading.Thread(target=_end_with_parent, daemon=True).start()
+    threading.Thread(target=_beat, args=(parent,), daemon=True).start()
     message = folder / MODELS_FOLDER / f"{job.name}.{MESSAGE}"
-    message.unlink(missing_ok=True)
     try:
+        hear_interrupts()  # processes of its own must hear them
+        message.unlink(missing_ok=True)
         with quiet():
             run_job(job, folder, devices=devices)
     except MixpinnError as error:
@@ -131,12 +169,17 @@ def work(job: AblationJob, folder: Path, devices: int) -> None:
         raise SystemExit(130) from None
 
 
-def _end_with_parent() -> None:
-    """End this process when the one that started it is gone: a resumed table must find its folders free."""
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        wait([parent.sentinel])
-        os._exit(1)
+def _beat(parent: Connection) -> None:
+    """Show the parent that this process runs; end it when the parent is gone, for a resumed table needs its folders.
+
+    By a thread of its own, since the process may have children that must not be killed before they have ended.
+    """
+    while True:
+        try:
+            parent.send(None)
+        except OSError:
+            os._exit(1)
+        time.sleep(BEAT_SECONDS)
 
 
 def _on_dask(

@@ -1,6 +1,7 @@
 """One measurement of the run-time table, in a process of its own: time of a prediction and the memory it takes."""
 
 import multiprocessing
+import os
 import time
 from dataclasses import asdict, dataclass, replace
 from multiprocessing.connection import Connection
@@ -10,12 +11,15 @@ from typing import Any
 import numpy as np
 
 from mixpinn.base.arrays import Float32Array, FloatArray
+from mixpinn.base.child_process import GRACE, end_all, end_with_parent
 from mixpinn.base.errors import MixpinnError
-from mixpinn.dataset import pinned_threads
+from mixpinn.dataset.local_pool import deaf_to_interrupts, pinned_threads
 from mixpinn.networks import MODELS, ModelConfig
 from mixpinn.records import SampleTable, TissueMesh
 
 PRIOR = "elastic-prior"
+TIMEOUT = 3600.0
+"""A measurement that takes longer is ended [s]."""
 
 
 @dataclass(frozen=True)
@@ -91,28 +95,34 @@ def measure_model(
     """Time an untrained network, whose cost is that of a trained one, on `samples` in turn, in a process of its own.
 
     Raises:
-        MixpinnError: the process failed.
+        MixpinnError: the process failed, or took too long.
     """
     context = multiprocessing.get_context("spawn")
     here, there = context.Pipe()
-    process = context.Process(target=_serve, args=(there, config, samples, mesh, method, threads, repeats))
-    with pinned_threads(threads):
+    process = context.Process(target=_serve, args=(there, config, samples, mesh, method, threads, repeats, os.getpid()))
+    with pinned_threads(threads), deaf_to_interrupts():
         process.start()
     there.close()
+    what = f"measuring {method} on mesh {mesh[0]}"
     try:
+        if not here.poll(TIMEOUT):
+            raise MixpinnError(f"{what} took more than {TIMEOUT:g} s and was ended")
         result: dict[str, Any] = here.recv()
+        process.join(GRACE)
     except EOFError:
         process.join()
-        raise MixpinnError(f"measuring {method} on mesh {mesh[0]} ended with code {process.exitcode}") from None
+        raise MixpinnError(f"{what} ended with code {process.exitcode}") from None
     finally:
-        process.join()
+        end_all([process])
+        here.close()
     return Timing(**result)
 
 
 def _serve(
     connection: Connection, config: ModelConfig, samples: SampleTable, mesh: tuple[str, TissueMesh], method: str,
-    threads: int, repeats: int,
+    threads: int, repeats: int, parent: int,
 ) -> None:
+    end_with_parent(parent)
     import torch
 
     torch.set_num_threads(threads)

@@ -1,8 +1,8 @@
 """Delaunay refinement by CGAL Mesh_3: the mesher and the criteria of the paper. Optional, GPL."""
 
+import os
 import subprocess
 import sys
-import tempfile
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -11,6 +11,7 @@ import numpy as np
 from mixpinn.base.arrays import FloatArray, Int32Array, IntArray
 from mixpinn.base.errors import InputError
 from mixpinn.base.files import write_json
+from mixpinn.base.scratch_folder import scratch_folder
 from mixpinn.geometry.farthest_points import distances_between, farthest_first
 from mixpinn.mesh.meshers.cgal_worker import NOT_CLOSED
 from mixpinn.mesh.meshers.grading import Grading
@@ -40,18 +41,21 @@ class CgalMesher:
         perturb_seconds: time limit of the perturbation [s]; 0 leaves it out.
         exude_seconds: time limit of the exudation [s]; 0 leaves it out.
         sliver_bound: dihedral angle at which both stop [degree].
+        timeout: time limit of all of it, after which meshing fails [s].
     """
 
     perturb_seconds: float = 60.0
     exude_seconds: float = 60.0
     sliver_bound: float = 12.0
+    timeout: float = 7200.0
     name: str = "cgal"
 
     def fill(self, surfaces: DomainSurfaces, sizing: Sizing | Grading) -> tuple[FloatArray, Int32Array]:
         """Points [mm] (n, 3) and positively oriented cells (m, 4) of the soft tissue.
 
         Raises:
-            InputError: the bindings are not installed, the surfaces are open or not manifold, or no cell fits them.
+            InputError: the bindings are not installed, the surfaces are open or not manifold, no cell fits them, or the
+                time limit is reached.
         """
         if not has_cgal():
             raise InputError(
@@ -59,13 +63,26 @@ class CgalMesher:
                 fix="pip install 'mixpinn[cgal]' or choose the mesher tetwild",
             )
         what = surfaces.body.name
-        with tempfile.TemporaryDirectory() as name:
-            folder = Path(name)
+        with scratch_folder() as folder:
             _write_off(folder / "domain.off", *surfaces.domain())
             np.savetxt(folder / "seeds.txt", _seeds(surfaces, sizing), fmt="%.6f %.6f %.6f %.6f %d")
             write_json(folder / "parameters.json", {**asdict(_criteria(sizing)), **asdict(self)})
             worker = Path(__file__).with_name("cgal_worker.py")
-            run = subprocess.run([sys.executable, str(worker), name], capture_output=True, text=True, check=False)
+            try:
+                run = subprocess.run(
+                    [sys.executable, str(worker), str(folder), str(os.getpid())], capture_output=True, text=True,
+                    check=False, timeout=self.timeout,
+                )
+            except subprocess.TimeoutExpired as error:
+                raise InputError(
+                    what, expected=f"a mesh within {self.timeout:g} s", got="none yet",
+                    fix="try again, choose a larger size, or the mesher tetwild",
+                ) from error
+            if run.returncode < 0:
+                raise InputError(
+                    what, expected="a mesh", got=f"a meshing process that was ended by signal {-run.returncode}",
+                    fix="try again; with little memory choose a larger size",
+                )
             if run.returncode == NOT_CLOSED:
                 raise InputError(what, expected="closed manifold surfaces", got="open or branching ones", fix=_FIX)
             medit = folder / "cells.mesh"

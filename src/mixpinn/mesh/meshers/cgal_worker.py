@@ -1,4 +1,4 @@
-"""Runs CGAL Mesh_3 in a process of its own: ``python cgal_worker.py FOLDER``.
+"""Runs CGAL Mesh_3 in a process of its own: ``python cgal_worker.py FOLDER PARENT``, the number of its parent.
 
 A failed assertion inside CGAL ends its process, which must not be the caller's. The wheels' Mesh_3 is parallel and
 its result depends on how threads interleave: bound to one processor it is the same every time.
@@ -59,6 +59,10 @@ def main(folder: Path) -> int:
 
 
 if __name__ == "__main__":
+    sys.path[0] = str(Path(__file__).parents[3])  # of the package, not of this folder, whose modules have common names
+    from mixpinn.base.child_process import end_with_parent
+
+    end_with_parent(int(sys.argv[2]))
     sys.stdout.flush()
     code = main(Path(sys.argv[1]))
     # Threads of the bindings may outlive the interpreter's shutdown; the result is on disk, so leave at once.

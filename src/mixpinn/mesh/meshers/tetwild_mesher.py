@@ -1,13 +1,13 @@
 """fTetWild (Hu et al. 2020): robust to defective surfaces, under a licence without copyleft."""
 
 import contextlib
-import tempfile
 from dataclasses import dataclass
 
 import numpy as np
 import pyvista as pv
 
 from mixpinn.base.arrays import AnyArray, FloatArray, Int32Array
+from mixpinn.base.scratch_folder import scratch_folder
 from mixpinn.mesh.cells.orientation import orient_cells
 from mixpinn.mesh.meshers.grading import Grading, SizingField
 from mixpinn.mesh.meshers.mesher import Sizing, tidy
@@ -62,7 +62,7 @@ class TetwildMesher:
         diagonal = float(np.linalg.norm(np.ptp(points, axis=0)))
         background = _background(surfaces, sizing) if isinstance(sizing, Grading) else {}
         # fTetWild leaves a debugging surface in the current folder.
-        with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
+        with scratch_folder() as folder, contextlib.chdir(folder):
             nodes, cells = pytetwild.tetrahedralize(
                 points, triangles.astype(np.int32), edge_length_abs=min(edge, 0.9 * diagonal),
                 epsilon=envelope / diagonal, stop_energy=self.stop_energy, simplify=self.simplify,
