@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mixpinn.fem.solve.quasi_newton import UpdatedInverse
-from mixpinn.physics.condensed_contact import solve_condensed
+from mixpinn.physics.condensed_contact import newton_step, solve_condensed
 
 
 def spd(n: int, seed: int) -> np.ndarray:
@@ -18,6 +18,25 @@ def wall(stiffness: float):
         on = np.flatnonzero(y > 0.0)
         return stiffness * np.maximum(y, 0.0), stiffness * np.eye(len(on)), on
     return law
+
+
+@pytest.mark.parametrize("touched", [[], [2], [0, 3, 4, 9, 10], list(range(12))])
+def test_newton_step_is_that_of_dense_algebra(touched: list[int]) -> None:
+    rng, on = np.random.default_rng(len(touched)), np.array(touched, dtype=np.int64)
+    compliance, error = np.linalg.inv(spd(12, 1)), rng.normal(size=12)
+    stiffness = 50.0 * rng.normal(size=(len(on), len(on)))  # neither symmetric nor definite
+    stiffness[rng.random(stiffness.shape) < 0.4] = 0.0
+    change, move = np.empty(12), np.empty(12)
+    assert newton_step(compliance, error, stiffness, on, change, move)
+    whole = np.zeros((12, 12))
+    whole[np.ix_(on, on)] = stiffness
+    expected = np.linalg.solve(np.eye(12) + whole @ compliance, error)
+    np.testing.assert_allclose(change, expected, atol=1e-10)
+    np.testing.assert_allclose(move, compliance @ expected, atol=1e-10)
+
+
+def test_a_newton_step_that_does_not_exist_is_reported() -> None:
+    assert not newton_step(np.eye(2), np.ones(2), -np.eye(2), np.arange(2), np.empty(2), np.empty(2))
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -10,7 +10,7 @@ from mixpinn.geometry.probe_shapes import linear_probe, spherical_probe
 from mixpinn.geometry.proximity import proximity
 from mixpinn.press.contact import PriorContact
 from mixpinn.press.probe_field import ProbeField
-from mixpinn.press.records import PoseContactConfig, ProbeGeometry
+from mixpinn.press.records import PlacedProbes, PoseContactConfig, ProbeGeometry
 from mixpinn.records import ProbePath
 from mixpinn.reduced.prior import ElasticPrior
 from reduced.pressed_block import TISSUE, top_nodes
@@ -184,6 +184,17 @@ def test_answers_along_a_press_are_one_path(prior, ball) -> None:
     assert (np.diff(force[:, 1]) > -0.01).all()
     steps = np.linalg.norm(np.diff(force, axis=0), axis=1)
     assert steps.max() < 4.0 * np.median(steps[steps > 0.0])
+
+
+def test_paths_go_in_steps_of_one_millimetre_from_first_touch(prior, ball) -> None:
+    contact = PriorContact.of_prior(prior)
+    rotations, translations = pose(depth=5.0)
+    depths = contact.depth([ball], rotations, translations)
+    turns, places = contact._path_down(PlacedProbes((ball,), rotations, translations), depths)
+    along = (places[:, 0] - places[0, 0]) @ np.array([0.0, -1.0, 0.0])
+    assert_allclose(along, np.append(np.arange(0.0, depths[0]), depths[0]), atol=1e-9)
+    assert_array_equal(places[-1], translations)
+    assert (turns == rotations).all()
 
 
 def test_depth_counts_from_first_touch(prior, ball) -> None:

@@ -201,7 +201,7 @@ NAN = float("nan")
     (lambda arrays, about: about["contact"].update(gap="2"), "gap"),
     (lambda arrays, about: about.update(spacings=[0.0, 0.75]), "spacings"),
     (lambda arrays, about: about.update(spacings=[0.75] * 3), "complete pose model"),
-    (lambda arrays, about: about.update(mesh_hash="another"), "pose model of mesh"),
+    (lambda arrays, about: about.update(mesh_hash="another"), "a pose model of linear"),
     (lambda arrays, about: arrays.update({"probe1.origin": np.zeros(2)}), "origin"),
     (lambda arrays, about: arrays.update({"probe0.coefficients": np.full((4, 4, 4), NAN)}), "coefficients"),
     (lambda arrays, about: arrays["probe0.triangles"].__setitem__((0, 0), 10**6), "triangles"),
@@ -218,6 +218,19 @@ def test_a_damaged_setting_or_array_is_refused(model, tmp_path, change, named) -
         load_pose_model(tmp_path, model.hybrid)
     assert POSE_FILE in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_a_bundle_of_paths_in_other_steps_says_so(model, tmp_path) -> None:
+    assert not any("in steps of" in reason for reason in model.predict(TURN, tip(depth=2.5)).trust.reasons)
+    save_pose_model(model, tmp_path)
+    arrays, about = read_arrays(tmp_path / POSE_FILE)
+    assert about["contact"]["step"] == 1.0
+    about["contact"]["step"] = 2.0
+    write_arrays(tmp_path / POSE_FILE, arrays, about=about)
+    BUNDLE.seal(tmp_path, [POSE_FILE])
+    coarse = load_pose_model(tmp_path, model.hybrid)
+    reasons = coarse.predict(TURN, tip(depth=2.5)).trust.reasons
+    assert any("in steps of 2 mm instead of 1 mm" in reason for reason in reasons)
 
 
 def test_a_shift_of_the_skin_never_exceeds_a_part_of_the_linear_answer(model) -> None:

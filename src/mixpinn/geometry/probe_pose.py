@@ -11,6 +11,9 @@ from mixpinn.geometry.rotations import rotation_about_y, rotation_from_vector, s
 PROBE_AXIS = np.array([0.0, -1.0, 0.0])
 """The direction in which a probe points and presses, in its own frame."""
 
+PATH_STEP = 1.0
+"""Every answer to a pose, solved in full or predicted, follows its path in steps of this length [mm]."""
+
 
 @dataclass(frozen=True, eq=False)
 class ProbePose:

@@ -6,27 +6,92 @@ With the elastic residual linearised, r + K Δ, and the contact forces λ(y) on 
     y = y₀ − W λ,    W = S K⁻¹ Sᵀ,    y₀ = −S K⁻¹ r,    λ = g(y).
 
 y₀ is where the body would go without contact, W its compliance. What is left is a small dense problem in which all
-contacts switch on and off, stick and slip; it is solved by Newton's method on λ − g(y₀ − W λ) = 0,
+contacts switch on and off, stick and slip; it is solved by Newton's method on e = g(y₀ − W λ) − λ = 0,
 
-    (1 + H W) dλ = g + …,    that is    dy = −(1 + W H)⁻¹ W (g − λ),    dλ = g + H dy − λ,
+    (1 + H W) dλ = e,    dy = −W dλ,
 
-with H = ∂g/∂y non-zero only among the unknowns that are touched. The length of each step is chosen where the slope
-dyᵀ (g − λ) of the potential, if there is one, has fallen: this needs no energy and so allows for friction.
+with H = ∂g/∂y non-zero only among the unknowns that are touched: `newton_step`, for the solver and for predictions from
+the pose alike. How far to go along a step is up to each, since their contacts answer different questions: the solver's
+(`solve_condensed`) also give a positive semi-definite H, for where friction and curvature make the exact one
+indefinite, and keep the skin on its side of the probe by a largest move; those of `mixpinn.press.step_kernel` are
+compiled, know the distance on either side of the probe's skin, and follow the error's square eᵀ W e alone.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import numba
 import numpy as np
-from scipy.linalg import LinAlgError, lu_factor, lu_solve
 
 from mixpinn.base.arrays import FloatArray, IntArray
+from mixpinn.physics.elimination import solve_in_place, times
 
 ContactLaw = Callable[[FloatArray, bool], tuple[FloatArray, FloatArray, IntArray]]
 """g(y, exact): forces (m,), stiffness among the touched unknowns (a, a), and these, (a,).
 
 The stiffness is the derivative of the forces if `exact`, otherwise a symmetric positive semi-definite part of it.
 """
+
+
+# mypy cannot see through numba's decorators: the kernel is untyped, its callers are not.
+
+
+@numba.njit(cache=True, nogil=True, fastmath=True)
+def newton_step(compliance, error, stiffness, touched, change, move):  # type: ignore[no-untyped-def]
+    """One step of Newton's method: fills dλ (m,) into `change` and −dy = W dλ (m,) into `move`.
+
+    Args:
+        compliance: W, shape (m, m), symmetric.
+        error: e = g − λ, shape (m,).
+        stiffness: H among the touched unknowns, shape (a, a); entries that are zero cost nothing.
+        touched: these unknowns, shape (a,).
+        change, move: filled, shapes (m,).
+
+    Returns:
+        Whether 1 + H W is regular; if not, `change` is the error.
+    """
+    m, a = len(error), len(touched)
+    for i in range(m):
+        change[i] = error[i]
+    regular = True
+    if a:
+        # Untouched unknowns follow their error; what that does to the touched ones stands on the right.
+        rest, rhs = error.copy(), np.empty(a)
+        for i in range(a):
+            rest[touched[i]] = 0.0
+        matrix, inner, shifted, filled = np.zeros((a, a)), np.empty((a, a)), np.empty(a), np.empty(a, np.int64)
+        for j in range(a):
+            row, packed, total = compliance[touched[j]], inner[j], 0.0
+            for i in range(m):
+                total += row[i] * rest[i]
+            shifted[j] = total
+            for c in range(a):
+                packed[c] = row[touched[c]]
+        for i in range(a):
+            row, stiff, count, value = matrix[i], stiffness[i], 0, error[touched[i]]
+            for j in range(a):
+                if stiff[j] != 0.0:
+                    filled[count] = j
+                    count += 1
+                    value -= stiff[j] * shifted[j]
+            rhs[i] = value
+            whole = count - count % 3
+            for k in range(0, whole, 3):
+                h0, h1, h2 = stiff[filled[k]], stiff[filled[k + 1]], stiff[filled[k + 2]]
+                w0, w1, w2 = inner[filled[k]], inner[filled[k + 1]], inner[filled[k + 2]]
+                for c in range(a):
+                    row[c] += h0 * w0[c] + h1 * w1[c] + h2 * w2[c]
+            for k in range(whole, count):
+                h0, w0 = stiff[filled[k]], inner[filled[k]]
+                for c in range(a):
+                    row[c] += h0 * w0[c]
+            row[i] += 1.0
+        regular = solve_in_place(matrix, rhs)
+        if regular:
+            for i in range(a):
+                change[touched[i]] = rhs[i]
+    times(compliance, change, move)
+    return regular
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,20 +183,11 @@ def _shrink(
 def _direction(
     compliance: FloatArray, error: FloatArray, stiffness: FloatArray, touched: IntArray,
 ) -> tuple[FloatArray, FloatArray, float]:
-    """Newton's dy and dλ, and the slope dyᵀ (g − λ)."""
-    residual = _times(compliance, error)
-    move = -residual
-    change = error.copy()
-    if len(touched):
-        matrix = np.eye(len(touched)) + compliance[np.ix_(touched, touched)] @ stiffness
-        try:
-            inner = lu_solve(lu_factor(matrix, check_finite=False), -residual[touched], check_finite=False)
-        except (LinAlgError, ValueError):
-            return move, change, np.nan
-        push = stiffness @ inner
-        move = move - _times(compliance[:, touched], push)
-        change[touched] += push
-    return move, change, float(move @ error)
+    """Newton's dy and dλ, and the slope dyᵀ (g − λ), NaN where there is no such step."""
+    change, back = np.empty_like(error), np.empty_like(error)
+    regular = newton_step(compliance, error, np.ascontiguousarray(stiffness), touched, change, back)
+    move = -back
+    return move, change, float(move @ error) if regular else np.nan
 
 
 def _line_search(

@@ -22,6 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mixpinn.base.arrays import AnyArray, Float32Array, FloatArray
+from mixpinn.geometry.probe_pose import PATH_STEP
 from mixpinn.press.contact import PriorContact
 from mixpinn.press.domain import PoseDomain
 from mixpinn.press.error_law import PoseErrorLaw
@@ -190,6 +191,9 @@ class PoseModel:
         contact = base.contact
         outside = list(self.domain.reasons(*poses, contact.depths))
         notes = [] if contact.converged else ["contact did not converge"]
+        step = self.contact.config.step
+        if step != PATH_STEP:
+            notes.append(f"fitted on paths in steps of {step:g} mm instead of {PATH_STEP:g} mm: fit the model again")
         if not len(contact.nodes):
             notes.append("the probe touches nothing: nothing moves")
             return Trust(

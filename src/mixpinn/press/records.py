@@ -7,6 +7,7 @@ import numpy as np
 
 from mixpinn.base.arrays import AnyArray, Float32Array, FloatArray, IntArray
 from mixpinn.base.errors import InputError
+from mixpinn.geometry.probe_pose import PATH_STEP
 from mixpinn.records import Probe
 
 if TYPE_CHECKING:
@@ -26,7 +27,7 @@ class PoseContactConfig:
         margin: skin within this distance of the probe's shadow takes part [mm].
         reach: a probe that is farther than this from first touch touches nothing [mm].
         deepest: what of the probe lies this far above its tip or farther is not met [mm].
-        step: length of the steps of a path [mm].
+        step: length of the steps of a path [mm]. A bundle records the one that it was fitted with.
         most_steps: of a path that begins at a history; a longer one has longer steps.
         arm: distance from the tip at which a turn counts as a way [mm].
         tolerance: of the forces, relative.
@@ -45,7 +46,7 @@ class PoseContactConfig:
     margin: float = 6.0
     reach: float = 2.0
     deepest: float = 35.0
-    step: float = 2.0
+    step: float = PATH_STEP
     most_steps: int = 60
     arm: float = 20.0
     tolerance: float = 1e-5

@@ -7,15 +7,16 @@ beginning of the step. v₀ is zero, or the violation N / k of an earlier solve:
 moderate (the multiplier of an augmented Lagrangian).
 
 The linear body answers forces λ on its nodes with y = free − W λ. Equilibrium λ = g(y), g the gradient of contact by
-the nodes, is sought among the nodes near the probe by Newton's method on λ, (1 + H W) Δλ = g − λ with H = ∂g/∂y, each
-step shortened until (g − λ)ᵀ W (g − λ) falls. No library of linear algebra takes part: nothing waits for threads.
+the nodes, is sought among the nodes near the probe by Newton's method (`mixpinn.physics.condensed_contact`), each step
+shortened until (g − λ)ᵀ W (g − λ) falls. No library of linear algebra takes part: nothing waits for threads.
 """
 
 import numba
 import numpy as np
 
+from mixpinn.physics.condensed_contact import newton_step
 from mixpinn.physics.contact_law import penalty, return_slip, slip_derivative
-from mixpinn.press.elimination import solve_in_place, times
+from mixpinn.physics.elimination import times
 from mixpinn.press.probe_field import distance_at
 
 # mypy cannot see through numba's decorators: the kernels are untyped, their callers are not.
@@ -146,25 +147,20 @@ def _all_forces(  # type: ignore[no-untyped-def]
                         block[r, q] += ww * world[r, q]
 
 
-@numba.njit(cache=True, nogil=True, fastmath=True)
-def _newton_matrix(hessian, nodes, compliance, matrix):  # type: ignore[no-untyped-def]
-    """1 + H W among the touched nodes; `matrix` is filled, (3 a, 3 a)."""
+@numba.njit(cache=True, nogil=True)
+def _stiffness_of_touched(hessian, touched):  # type: ignore[no-untyped-def]
+    """H among the unknowns of the touched nodes, (3 a, 3 a), and these unknowns, (3 a,)."""
+    nodes = np.flatnonzero(touched)
     a = len(nodes)
-    matrix[:] = 0.0
+    stiffness, unknowns = np.empty((3 * a, 3 * a)), np.empty(3 * a, np.int64)
     for i in range(a):
         for r in range(3):
-            row = matrix[3 * i + r]
-            row[3 * i + r] = 1.0
+            unknowns[3 * i + r] = 3 * nodes[i] + r
+            row = stiffness[3 * i + r]
             for j in range(a):
                 block = hessian[nodes[i], nodes[j], r]
-                if block[0] == 0.0 and block[1] == 0.0 and block[2] == 0.0:
-                    continue
-                first = 3 * nodes[j]
-                w0, w1, w2 = compliance[first], compliance[first + 1], compliance[first + 2]
-                for m in range(a):
-                    n = 3 * nodes[m]
-                    for c in range(3):
-                        row[3 * m + c] += block[0] * w0[n + c] + block[1] * w1[n + c] + block[2] * w2[n + c]
+                row[3 * j], row[3 * j + 1], row[3 * j + 2] = block[0], block[1], block[2]
+    return stiffness, unknowns
 
 
 @numba.njit(cache=True, nogil=True)
@@ -207,19 +203,14 @@ def solve_step(  # type: ignore[no-untyped-def]
     if np.abs(raised).max() > 0.0:
         # Without the probe the skin would rise; held by it, it stays: Δλ = (1 + H W)⁻¹ H lift.
         _all_forces((rest - raised + y).reshape(n, 3), *contacts, gradient, hessian, touched, push, slip, pull, seen)
-        nodes = np.flatnonzero(touched)
-        a = len(nodes)
-        rhs, matrix = np.zeros(3 * a), np.empty((3 * a, 3 * a))
-        for i in range(a):
-            for r in range(3):
-                for j in range(a):
-                    for q in range(3):
-                        rhs[3 * i + r] += hessian[nodes[i], nodes[j], r, q] * raised[3 * nodes[j] + q]
-        _newton_matrix(hessian, nodes, compliance, matrix)
-        if a and solve_in_place(matrix, rhs):
-            for i in range(a):
-                for r in range(3):
-                    lam[3 * nodes[i] + r] += rhs[3 * i + r]
+        inner, unknowns = _stiffness_of_touched(hessian, touched)
+        error[:] = 0.0
+        for i in range(len(unknowns)):
+            for j in range(len(unknowns)):
+                error[unknowns[i]] += inner[i, j] * raised[unknowns[j]]
+        if newton_step(compliance, error, inner, unknowns, change, move):
+            for i in range(m):
+                lam[i] += change[i]
             times(compliance, lam, moved)
             for i in range(m):
                 y[i] = -moved[i]
@@ -237,31 +228,9 @@ def solve_step(  # type: ignore[no-untyped-def]
             break
         times(compliance, error, response)
         size = (error * response).sum()
-        nodes = np.flatnonzero(touched)
-        a = len(nodes)
-        for i in range(m):
-            change[i] = error[i]
-        if a:
-            # Untouched nodes lose their forces; what that does to the touched ones stands on the right.
-            rhs, matrix, outer = np.empty(3 * a), np.empty((3 * a, 3 * a)), np.empty(m)
-            for i in range(m):
-                outer[i] = 0.0 if touched[i // 3] else error[i]
-            times(compliance, outer, move)
-            for i in range(a):
-                for r in range(3):
-                    value = error[3 * nodes[i] + r]
-                    for j in range(a):
-                        block = hessian[nodes[i], nodes[j], r]
-                        first = 3 * nodes[j]
-                        value -= block[0] * move[first] + block[1] * move[first + 1] + block[2] * move[first + 2]
-                    rhs[3 * i + r] = value
-            _newton_matrix(hessian, nodes, compliance, matrix)
-            if not solve_in_place(matrix, rhs):
-                break
-            for i in range(a):
-                for r in range(3):
-                    change[3 * nodes[i] + r] = rhs[3 * i + r]
-        times(compliance, change, move)
+        inner, unknowns = _stiffness_of_touched(hessian, touched)
+        if not newton_step(compliance, error, inner, unknowns, change, move):
+            break
         length, best, least = 1.0, 0.0, np.inf
         for _ in range(7):
             _all_forces(

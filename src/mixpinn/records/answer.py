@@ -81,7 +81,7 @@ class Trust:
         bound: what that error stays below with probability `level` [mm]; None where it is not known.
         level: probability of the bound; None where there is no bound.
         outside: whether the input lies outside of what the model has seen; `expected` and `bound` mean little then.
-        reasons: why the answer is outside or did not converge, in words.
+        reasons: why the answer is outside or did not converge, and what else is to be known of it, in words.
         converged: whether every solve met its tolerance.
         residual: relative residual of the equilibrium; None where it was not evaluated.
         force_expected, force_bound: the same as `expected` and `bound` for the force on the probe [N].

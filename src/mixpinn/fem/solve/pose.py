@@ -10,13 +10,10 @@ from mixpinn.fem.contact.surfaces import SkinSurface
 from mixpinn.fem.scene import Scene
 from mixpinn.fem.solve.pose_simulator import Equilibrium, PoseSimulator, loaded_nodes, simulator_of
 from mixpinn.geometry.first_touch import first_touch
-from mixpinn.geometry.probe_pose import ProbePose
+from mixpinn.geometry.probe_pose import PATH_STEP, ProbePose
 from mixpinn.geometry.rotations import vector_from_rotation
 from mixpinn.records import ProbePath, Simulation
 from mixpinn.records.answer import Answer, Contact, Motion, Source, Trust, discretisation_of
-
-STEP = 1.0
-"""Length of a step of the path [mm]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,13 +102,13 @@ def _straight_path(scene: Scene, target: ProbePose) -> ProbePath | None:
     depth = float((target.translation - touch) @ direction)
     if depth <= 0.0:
         return None
-    depths = np.append(np.arange(STEP, depth - 1e-9, STEP), depth)
+    depths = np.append(np.arange(PATH_STEP, depth - 1e-9, PATH_STEP), depth)
     places = target.translation - (depth - depths)[:, None] * direction
     return ProbePath(places, np.tile(target.rotation, (len(depths), 1, 1)), depths)
 
 
 def _path_between(start: ProbePose, target: ProbePose) -> ProbePath:
-    count = max(1, int(np.ceil(np.linalg.norm(target.translation - start.translation) / STEP - 1e-9)))
+    count = max(1, int(np.ceil(np.linalg.norm(target.translation - start.translation) / PATH_STEP - 1e-9)))
     poses = [start.towards(target, (step + 1) / count) for step in range(count - 1)] + [target]
     return ProbePath(
         np.array([pose.translation for pose in poses]), np.array([pose.rotation for pose in poses]),

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from mixpinn.press.elimination import solve_in_place, times
+from mixpinn.physics.elimination import solve_in_place, times
 
 
 @pytest.mark.parametrize("n", [1, 2, 3, 4, 5, 7, 8, 30, 61])
