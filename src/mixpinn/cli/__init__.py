@@ -61,7 +61,7 @@ def _run() -> None:
 
 
 def _application() -> Any:
-    from mixpinn.cli import model_verbs, run_verbs  # noqa: F401 (they add their verbs to the application)
+    from mixpinn.cli import live_verbs, model_verbs, run_verbs  # noqa: F401 (they add their verbs to the application)
     from mixpinn.cli.data_verbs import app
 
     return app

@@ -1,5 +1,6 @@
 """One full solve: the probe pressed to a pose, from first touch or from where an earlier answer ended."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,7 +32,7 @@ class PressHistory:
 
 def solve_pose(
     scene: Scene, tip: FloatArray, rotation: FloatArray, *, history: object | None = None,
-    simulator: PoseSimulator | None = None,
+    simulator: PoseSimulator | None = None, on_step: Callable[[int, int], None] | None = None,
 ) -> Answer:
     """Press the probe to a pose and solve for equilibrium with contact and friction, step by step.
 
@@ -46,6 +47,7 @@ def solve_pose(
         rotation: rotation matrix of the probe, shape (3, 3); it presses along ``rotation @ (0, −1, 0)``.
         history: `Answer.history` of an earlier full solve of this scene.
         simulator: prepared for this scene; by default the last scene's is kept for the next call.
+        on_step: called after each step of the path with how many are done, and of how many.
 
     Raises:
         InputError: a pose that is not finite, or the history of something else.
@@ -59,7 +61,10 @@ def solve_pose(
             return _untouched(scene)
     else:
         path = _path_between(start.pose, target)
-    simulation, last = simulator.follow(path, start=start)
+    count = len(path.depths)
+    simulation, last = simulator.follow(
+        path, start=start, on_step=None if on_step is None else lambda step: on_step(step + 1, count),
+    )
     return _answer(scene, simulation, last, start)
 
 

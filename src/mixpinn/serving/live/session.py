@@ -15,6 +15,7 @@ from mixpinn.press.model import PoseModel
 from mixpinn.press.records import check_poses
 from mixpinn.records.answer import Answer, Contact, Motion, Source, Trust, discretisation_of
 from mixpinn.serving.hybrid_predictor import HybridPredictor
+from mixpinn.serving.live.recording import Recording
 from mixpinn.serving.live.records import Friction, LiveAnswer, LiveProbe, Refusal
 from mixpinn.serving.live.skin import SkinPlacement
 from mixpinn.serving.live.worker import PressWorker
@@ -70,6 +71,7 @@ class LiveSession:
         self._last: LiveAnswer | Refusal | None = None
         self._last_asked, self._next_id, self._sequence = 0.0, 1, 0
         self._history: tuple[tuple[LiveProbe, ...], object] | None = None
+        self._recording: Recording | None = None
         self._began = time.perf_counter()
 
     @staticmethod
@@ -173,10 +175,20 @@ class LiveSession:
         assert last.pose_id >= number or pose_id is not None
         return last
 
-    def close(self) -> None:
-        """End it; listeners are not called any more."""
+    @property
+    def recording(self) -> Recording | None:
+        """What is being recorded, or None."""
+        return self._recording
+
+    def record(self, recording: Recording | None) -> None:
+        """Keep every answer in `recording` from now on; None ends that."""
         with self._changed:
-            self._closed, self._dirty = True, False
+            self._recording = recording
+
+    def close(self) -> None:
+        """End it; listeners are not called any more. A recording stays with whoever made it."""
+        with self._changed:
+            self._closed, self._dirty, self._recording = True, False, None
             self._listeners.clear()
             self._changed.notify_all()
         if self._owns_worker:
@@ -216,8 +228,10 @@ class LiveSession:
             if isinstance(found, LiveAnswer):
                 self._newest = found
             self._last, self._last_asked = found, asked
-            listeners = tuple(self._listeners)
+            listeners, recording = tuple(self._listeners), self._recording
             self._changed.notify_all()
+        if recording is not None and isinstance(found, LiveAnswer) and not recording.add(found):
+            self._recording = None
         for listener in listeners:
             listener(found)
 

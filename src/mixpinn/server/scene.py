@@ -1,0 +1,99 @@
+"""The scene that does not move, ready to be sent: a description and the surfaces of skin, rigid parts and probe."""
+
+import colorsys
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from mixpinn.base.arrays import AnyArray, IntArray
+from mixpinn.records import TissueMesh
+from mixpinn.records.answer import discretisation_of
+from mixpinn.server.protocol import VERSION, encode_surface
+from mixpinn.serving.hybrid_predictor import HybridPredictor
+from mixpinn.serving.live.session import pressing_model
+
+JSON_TYPE, BINARY_TYPE = "application/json", "application/octet-stream"
+
+
+@dataclass(frozen=True, eq=False)
+class SceneFiles:
+    """What is sent to every client alike.
+
+    Attributes:
+        files: content type and bytes by path.
+        skin_nodes: nodes of the mesh that are vertices of the skin, ascending, shape (v,).
+    """
+
+    files: Mapping[str, tuple[str, bytes]]
+    skin_nodes: IntArray
+
+    @staticmethod
+    def of_predictor(predictor: HybridPredictor) -> "SceneFiles":
+        """The scene of a bundle that takes poses.
+
+        Raises:
+            InputError: a bundle without contact from the pose.
+        """
+        mesh, model = predictor.mesh, pressing_model(predictor)
+        files: dict[str, tuple[str, bytes]] = {}
+        nodes = np.unique(mesh.skin_triangles).astype(np.int64)
+        skin = np.searchsorted(nodes, mesh.skin_triangles)
+        files["/api/skin.bin"] = BINARY_TYPE, encode_surface(mesh.node_points[nodes], skin, nodes)
+        parts = []
+        for k, name in enumerate(mesh.rigid_names):
+            url = f"/api/parts/{k}.bin"
+            files[url] = BINARY_TYPE, _part_surface(mesh, k + 1)
+            parts.append({
+                "name": name, "label": name.removeprefix("vertebrae_").replace("_", " "),
+                "colour": part_colour(k, mesh.n_parts), "url": url,
+                "centroid": mesh.points[mesh.part_nodes(k + 1)].mean(axis=0).tolist(),
+            })
+        geometry = model.probes[0].geometry
+        files["/api/probes/0.bin"] = BINARY_TYPE, encode_surface(geometry.vertices, geometry.triangles)
+        domain, points = model.domain, mesh.node_points[nodes]
+        about: dict[str, Any] = {
+            "version": VERSION, "name": predictor.name, "units": {"length": "mm", "force": "N", "moment": "N mm"},
+            "frame": {"x": "patient right", "y": "posterior", "z": "caudal"},
+            "discretisation": discretisation_of(mesh), "n_nodes": mesh.n_nodes, "n_vertices": len(nodes),
+            "low": points.min(axis=0).tolist(), "high": points.max(axis=0).tolist(), "parts": parts,
+            "probes": [{
+                "name": "probe", "url": "/api/probes/0.bin", "low": geometry.vertices.min(axis=0).tolist(),
+                "high": geometry.vertices.max(axis=0).tolist(),
+            }],
+            "skin": {"url": "/api/skin.bin"}, "range": domain.as_dict(),
+            "bound_level": model.error.level if model.error is not None else None,
+            "warnings": list(bundle_warnings(predictor)), "world_to_scanner": mesh.world_to_scanner.tolist(),
+        }
+        files["/api/scene.json"] = JSON_TYPE, json.dumps(about, allow_nan=False).encode()
+        return SceneFiles(files, nodes)
+
+
+def bundle_warnings(predictor: HybridPredictor) -> tuple[str, ...]:
+    """What speaks against a bundle as a whole, in words."""
+    model, about = pressing_model(predictor), predictor.model.about
+    found = []
+    if model.error is None:
+        found.append("the bundle is not calibrated: its errors are not known")
+    if model.correction is None:
+        found.append("nothing was learned about contact: forces and fields are those of physics alone")
+    positions = about.get("training_positions")
+    if isinstance(positions, int) and positions < 10:
+        found.append(f"learned from {positions} positions only")
+    return tuple(found)
+
+
+def part_colour(k: int, count: int) -> str:
+    """A colour of part k of `count`, ``#rrggbb``: hues as far apart as can be."""
+    red, green, blue = colorsys.hsv_to_rgb((0.58 + k / max(count, 1)) % 1.0, 0.55, 0.85)
+    return f"#{round(255 * red):02x}{round(255 * green):02x}{round(255 * blue):02x}"
+
+
+def _part_surface(mesh: TissueMesh, part: int) -> bytes:
+    """The boundary faces of a rigid part's cavity, turned outward from the part."""
+    faces = mesh.boundary_faces
+    own: AnyArray = faces[(mesh.part[faces] == part).all(axis=1)][:, ::-1]
+    nodes = np.unique(own)
+    return encode_surface(mesh.points[nodes], np.searchsorted(nodes, own), nodes)

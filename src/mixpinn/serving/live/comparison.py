@@ -1,0 +1,147 @@
+"""FullSolution: the solver beside a live session, in a process of its own, to hold an answer against."""
+
+import contextlib
+import multiprocessing
+import os
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from multiprocessing.connection import Connection
+from typing import Any
+
+import numpy as np
+
+from mixpinn.base.arrays import FloatArray
+from mixpinn.base.errors import InputError, MixpinnError, SolveError
+from mixpinn.geometry.probe_pose import ProbePose
+from mixpinn.records import TissueMesh
+from mixpinn.records.answer import Answer
+from mixpinn.serving.hybrid_predictor import HybridPredictor
+from mixpinn.serving.live.session import pressing_model
+
+_NICE = 10
+
+
+@dataclass(frozen=True, eq=False)
+class Setup:
+    """What the solver needs to know of a bundle, and the pose.
+
+    Attributes:
+        mesh: of the bundle.
+        mu, lam: Lamé constants of each tissue [MPa].
+        points, triangles: the probe's surface [mm].
+        gap, friction: of contact [mm].
+        pose: of the probe.
+    """
+
+    mesh: TissueMesh
+    mu: tuple[float, ...]
+    lam: tuple[float, ...]
+    points: FloatArray
+    triangles: Any
+    gap: float
+    friction: float
+    pose: ProbePose
+
+    @staticmethod
+    def of_predictor(predictor: HybridPredictor, pose: ProbePose) -> "Setup":
+        """The bundle's scene with its first probe at a pose."""
+        model, equilibrium = pressing_model(predictor), predictor.model.newton.equilibrium
+        geometry, config = model.probes[0].geometry, model.contact.config
+        return Setup(
+            predictor.mesh, tuple(map(float, equilibrium.mu)), tuple(map(float, equilibrium.lam)), geometry.vertices,
+            geometry.triangles, config.gap, config.friction, pose,
+        )
+
+
+class FullSolution:
+    """One full solve in a child process: straight down the probe's axis to the pose.
+
+    The child yields to the live session: it runs at low priority.
+    """
+
+    def __init__(
+        self, setup: Setup, *, progress: Callable[[int, int], None], finished: Callable[[Answer | MixpinnError], None],
+    ) -> None:
+        """Begin; both are called from a thread of its own.
+
+        Args:
+            setup: what is pressed with what, and where to.
+            progress: steps done, and of how many.
+            finished: the answer, or what went wrong; not called where it was cancelled.
+        """
+        self._progress, self._finished = progress, finished
+        context = multiprocessing.get_context("spawn")
+        self._here, there = context.Pipe(duplex=False)
+        self._process = context.Process(target=_solve, args=(setup, there), name="mixpinn-full-solution", daemon=True)
+        self._lock, self._over = threading.Lock(), False
+        self._process.start()
+        there.close()
+        self._thread = threading.Thread(target=self._follow, name="mixpinn-comparison", daemon=True)
+        self._thread.start()
+
+    def cancel(self) -> bool:
+        """End it; nothing more is told. Whether it was still running."""
+        with self._lock:
+            if self._over:
+                return False
+            self._over = True
+        self._process.terminate()
+        return True
+
+    def wait(self, timeout: float | None = None) -> bool:
+        """Wait for its end; whether it has ended."""
+        self._thread.join(timeout)
+        return not self._thread.is_alive()
+
+    def _follow(self) -> None:
+        found: Answer | MixpinnError = SolveError("the full solution: its process ended early, perhaps out of memory")
+        with contextlib.suppress(EOFError, OSError):
+            while True:
+                kind, value = self._here.recv()
+                if kind != "step":
+                    found = value
+                    break
+                if not self._over:
+                    self._progress(*value)
+        self._here.close()
+        self._process.join(10.0)
+        with self._lock:
+            told, self._over = not self._over, True
+        if told:
+            self._finished(found)
+
+
+def solve_fully(setup: Setup, on_step: Callable[[int, int], None] | None = None) -> Answer:
+    """The full solution in this process. Imports the solver.
+
+    Args:
+        setup: what is pressed with what, and where to.
+        on_step: called with how many steps are done, and of how many.
+    """
+    from mixpinn.fem import ContactConfig, Scene, StableNeoHookean
+    from mixpinn.fem.solve.pose import solve_pose
+    from mixpinn.records import Probe
+
+    scene = Scene(
+        setup.mesh, Probe(np.asarray(setup.points), np.asarray(setup.triangles)),
+        tuple(StableNeoHookean(mu=mu, lam=lam) for mu, lam in zip(setup.mu, setup.lam, strict=True)),
+        ContactConfig(gap=setup.gap, friction=setup.friction),
+    )
+    return solve_pose(scene, setup.pose.translation, setup.pose.rotation, on_step=on_step)
+
+
+def _solve(setup: Setup, connection: "Connection[Any, Any]") -> None:
+    """What the child does."""
+    with contextlib.suppress(OSError):
+        os.nice(_NICE)
+    try:
+        answer = solve_fully(setup, lambda done, of: connection.send(("step", (done, of))))
+        connection.send(("done", replace(answer, history=None)))
+    except InputError as error:
+        connection.send(("done", SolveError(str(error))))
+    except (BrokenPipeError, KeyboardInterrupt):
+        pass
+    except Exception as error:
+        connection.send(("done", SolveError(f"the full solution: {type(error).__name__}: {error}")))
+    connection.close()
