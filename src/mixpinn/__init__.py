@@ -39,6 +39,8 @@ if TYPE_CHECKING:
     from mixpinn.records.label_map import LabelMap as LabelMap
     from mixpinn.records.probe import Probe as Probe
     from mixpinn.records.tissue_mesh import TissueMesh as TissueMesh
+    from mixpinn.server.client import connect as connect
+    from mixpinn.serving.live.session import LiveSession as LiveSession
     from mixpinn.stages.training import ModelsConfig as ModelsConfig
     from mixpinn.stages.training import SplitConfig as SplitConfig
     from mixpinn.training.config import TrainConfig as TrainConfig
@@ -59,6 +61,8 @@ _HOMES = {
     "mixpinn.records.label_map": ("LabelMap",),
     "mixpinn.records.probe": ("Probe",),
     "mixpinn.records.tissue_mesh": ("TissueMesh",),
+    "mixpinn.server.client": ("connect",),
+    "mixpinn.serving.live.session": ("LiveSession",),
     "mixpinn.stages.training": ("ModelsConfig", "SplitConfig"),
     "mixpinn.training.config": ("TrainConfig",),
 }

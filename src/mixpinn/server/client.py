@@ -46,8 +46,8 @@ class LiveClient:
         address = f"{'wss' if parts.scheme == 'https' else 'ws'}://{parts.netloc}/live"
         try:
             self._socket: ClientConnection = connect_websocket(
-                address, subprotocols=[Subprotocol(SUBPROTOCOL)], additional_headers=headers, compression=None, max_size=2**28,
-                open_timeout=timeout, proxy=None,
+                address, subprotocols=[Subprotocol(SUBPROTOCOL)], additional_headers=headers, compression=None,
+                max_size=2**28, open_timeout=timeout, proxy=None,
             )
         except (OSError, InvalidHandshake, TimeoutError) as error:
             raise _unreachable(url, error) from error
@@ -159,6 +159,8 @@ class LiveClient:
                 raise InputError("pose", expected=f"an answer within {timeout or self._timeout:g} s", got="none",
                                  fix="give it more time")
             frame, error = self._found(pose_id, kind), self._error(pose_id)
+            if frame is None and error is not None:
+                self._messages.remove(error)
         if frame is not None:
             return frame
         if error is not None:

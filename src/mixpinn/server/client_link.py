@@ -28,6 +28,8 @@ from mixpinn.serving.live.session import LiveSession
 
 _MOST_WAITING = 256
 """Control messages that may wait for a client."""
+_MOST_BESIDE = 8
+"""Answers of a replay that may wait for a client; the oldest make room."""
 _POLICY, _TRY_LATER, _GOING_AWAY = 1008, 1013, 1001
 
 
@@ -45,9 +47,8 @@ class ClientLink:
         self.heard, self.choices = time.monotonic(), Choices()
         self.session: LiveSession | None = None
         self._socket, self._service = websocket, service
-        self._control: deque[dict[str, Any]] = deque()
+        self._control: deque[dict[str, Any] | tuple[LiveAnswer, Kind]] = deque()
         self._live: LiveAnswer | None = None
-        self._beside: deque[tuple[LiveAnswer, Kind]] = deque(maxlen=8)
         self._wake = asyncio.Event()
         self._loop = asyncio.get_running_loop()
         self._closing: tuple[int, str] | None = None
@@ -100,7 +101,10 @@ class ClientLink:
     def show(self, found: LiveAnswer, kind: Kind) -> None:
         """Send an answer beside the live ones; may be called from any thread."""
         def put() -> None:
-            self._beside.append((found, kind))
+            waiting = [entry for entry in self._control if isinstance(entry, tuple) and entry[1] is kind]
+            if len(waiting) >= _MOST_BESIDE:
+                self._control.remove(waiting[0])
+            self._control.append((found, kind))
             self._wake.set()
 
         with contextlib.suppress(RuntimeError):
@@ -219,9 +223,11 @@ class ClientLink:
             await self._wake.wait()
             self._wake.clear()
             while self._control:
-                await self._in_time(self._socket.send_text(json.dumps(self._control.popleft())), limits.send_s)
-            while self._beside:
-                await self._in_time(self._socket.send_bytes(self._frame(*self._beside.popleft())), limits.send_s)
+                entry = self._control.popleft()
+                if isinstance(entry, tuple):
+                    await self._in_time(self._socket.send_bytes(self._frame(*entry)), limits.send_s)
+                else:
+                    await self._in_time(self._socket.send_text(json.dumps(entry)), limits.send_s)
             found, self._live = self._live, None
             if found is not None:
                 await self._in_time(self._socket.send_bytes(self._frame(found, Kind.LIVE)), limits.send_s)

@@ -3,7 +3,7 @@
 import colorsys
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -92,8 +92,9 @@ def part_colour(k: int, count: int) -> str:
 
 
 def _part_surface(mesh: TissueMesh, part: int) -> bytes:
-    """The boundary faces of a rigid part's cavity, turned outward from the part."""
-    faces = mesh.boundary_faces
-    own: AnyArray = faces[(mesh.part[faces] == part).all(axis=1)][:, ::-1]
+    """A rigid part's surface, outward: that of its cells where it is meshed, else its cavity turned inside out."""
+    solid = (mesh.part[mesh.cells] == part).all(axis=1)
+    faces = replace(mesh, cells=mesh.cells[solid]).boundary_faces if solid.any() else mesh.boundary_faces[:, ::-1]
+    own: AnyArray = faces[(mesh.part[faces] == part).all(axis=1)]
     nodes = np.unique(own)
     return encode_surface(mesh.points[nodes], np.searchsorted(nodes, own), nodes)

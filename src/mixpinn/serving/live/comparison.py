@@ -14,6 +14,7 @@ import numpy as np
 from mixpinn.base.arrays import FloatArray
 from mixpinn.base.errors import InputError, MixpinnError, SolveError
 from mixpinn.geometry.probe_pose import ProbePose
+from mixpinn.physics.restraints import FREE, Restraints
 from mixpinn.records import TissueMesh
 from mixpinn.records.answer import Answer
 from mixpinn.serving.hybrid_predictor import HybridPredictor
@@ -32,6 +33,7 @@ class Setup:
         points, triangles: the probe's surface [mm].
         gap, friction: of contact [mm].
         pose: of the probe.
+        restraints: joints and foundations.
     """
 
     mesh: TissueMesh
@@ -42,6 +44,7 @@ class Setup:
     gap: float
     friction: float
     pose: ProbePose
+    restraints: Restraints = FREE
 
     @staticmethod
     def of_predictor(predictor: HybridPredictor, pose: ProbePose) -> "Setup":
@@ -50,7 +53,7 @@ class Setup:
         geometry, config = model.probes[0].geometry, model.contact.config
         return Setup(
             predictor.mesh, tuple(map(float, equilibrium.mu)), tuple(map(float, equilibrium.lam)), geometry.vertices,
-            geometry.triangles, config.gap, config.friction, pose,
+            geometry.triangles, config.gap, config.friction, pose, predictor.model.prior.restraints,
         )
 
 
@@ -126,7 +129,8 @@ def solve_fully(setup: Setup, on_step: Callable[[int, int], None] | None = None)
     scene = Scene(
         setup.mesh, Probe(np.asarray(setup.points), np.asarray(setup.triangles)),
         tuple(StableNeoHookean(mu=mu, lam=lam) for mu, lam in zip(setup.mu, setup.lam, strict=True)),
-        ContactConfig(gap=setup.gap, friction=setup.friction),
+        ContactConfig(gap=setup.gap, friction=setup.friction), joints=setup.restraints.joints,
+        foundations=setup.restraints.foundations,
     )
     return solve_pose(scene, setup.pose.translation, setup.pose.rotation, on_step=on_step)
 
