@@ -8,8 +8,8 @@ RUNS ?= runs
 THREADS ?= $(shell nproc 2>/dev/null || echo 2)
 DATA ?= ../shared/data/patient1
 PROBE ?= $(wildcard $(DATA)/paper/probe_collision.stl)
-# The mesher CGAL is licensed under the GPL; EXTRAS=distributed,dev,docs leaves it out, and fTetWild is used.
-EXTRAS ?= cgal,distributed,dev,docs
+# The mesher CGAL is licensed under the GPL; EXTRAS=dicom,distributed,dev,docs leaves it out, and fTetWild is used.
+EXTRAS ?= cgal,dicom,distributed,dev,docs
 
 # `make drill` repeats the property tests with so many seeds.
 SEEDS ?= 20

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from pathlib import Path
 
+from mixpinn.anatomy.images.dicom_seg import is_dicom, read_dicom_seg
 from mixpinn.anatomy.images.label_image import LabelImage
 from mixpinn.anatomy.images.metaimage import read_metaimage
 from mixpinn.anatomy.images.nifti import pair_of, read_nifti
@@ -14,12 +15,12 @@ IMAGE_SUFFIXES = (
 )
 """Endings of label images, in upper or lower case; longer ones first."""
 
-_OTHERS = {".dcm": "DICOM", ".mgz": "FreeSurfer", ".mgh": "FreeSurfer", ".gipl": "GIPL", ".mnc": "MINC", ".tif": "TIFF",
+_OTHERS = {".mgz": "FreeSurfer", ".mgh": "FreeSurfer", ".gipl": "GIPL", ".mnc": "MINC", ".tif": "TIFF",
            ".tiff": "TIFF", ".stl": "a surface", ".zip": "an archive"}
 
 
 def read_label_image(path: Path | str) -> LabelImage:
-    """Read a NIfTI (one file or a pair), NRRD or MetaImage as a label image in the scanner's RAS frame.
+    """Read a NIfTI (one file or a pair), NRRD, MetaImage or DICOM segmentation as a label image in the scanner's RAS frame.
 
     Raises:
         InputError: absent, damaged, of another kind, not three-dimensional, without a usable affine, or with values
@@ -27,7 +28,7 @@ def read_label_image(path: Path | str) -> LabelImage:
     """
     path = Path(path)
     if not path.is_file():
-        raise InputError(str(path), expected="a NIfTI file", got="no such file", fix="check the path")
+        raise InputError(str(path), expected="a label image", got="no such file", fix="check the path")
     suffix = path.suffix.lower()
     if suffix in _OTHERS:
         raise InputError(
@@ -73,6 +74,8 @@ def _reader(path: Path) -> Callable[[Path], LabelImage]:
     lower = path.name.lower()
     if lower.endswith((".mha", ".mhd")):
         return read_metaimage
+    if lower.endswith(".dcm") or is_dicom(path):
+        return read_dicom_seg
     with path.open("rb") as file:
         start = file.read(8)
     return read_nrrd if start.startswith(b"NRRD") else read_nifti

@@ -1,6 +1,6 @@
 """LabelImage: whole numbers on a voxel grid in the scanner's frame, whatever file they came from."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -54,6 +54,27 @@ def make_label_image(
     _check_affine(path, affine)
     labels, rounded = _whole_numbers(path, data.reshape(shape))
     return LabelImage(labels, np.asarray(affine, dtype=np.float64), dict(names or {}), (*notes, *rounded))
+
+
+def flattened(
+    path: Path, masks: Sequence[tuple[str, AnyArray]],
+) -> tuple[AnyArray, dict[int, str], tuple[Finding, ...]]:
+    """Masks that may overlap, by name, as one array of labels: the larger first, smaller ones painted over them.
+
+    Returns:
+        labels, the name of each number, and what was hidden.
+    """
+    ordered = sorted(masks, key=lambda entry: -int(np.count_nonzero(entry[1])))
+    labels = np.zeros(ordered[0][1].shape, dtype=np.uint16)
+    hidden = 0
+    for number, (_, mask) in enumerate(ordered, start=1):
+        hidden += int(np.count_nonzero(labels[mask])) if number > 1 else 0
+        labels[mask] = number
+    notes: tuple[Finding, ...] = ()
+    if hidden:
+        detail = f"segments overlap in {hidden} voxels; the smaller one of each was kept there"
+        notes = (Finding("overlap", path.name, detail, hidden, repairable=False),)
+    return labels, {number: name for number, (name, _) in enumerate(ordered, start=1)}, notes
 
 
 def _check_affine(path: Path, affine: FloatArray) -> None:

@@ -8,8 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mixpinn.anatomy.finding import Finding
-from mixpinn.anatomy.images.label_image import LPS_TO_RAS, LabelImage, make_label_image
+from mixpinn.anatomy.images.label_image import LPS_TO_RAS, LabelImage, flattened, make_label_image
 from mixpinn.base.arrays import AnyArray, FloatArray
 from mixpinn.base.errors import InputError
 
@@ -56,7 +55,7 @@ def read_nrrd(path: Path) -> LabelImage:
     if not layered:
         names = {value: name for name, value, _ in segments}
         return make_label_image(path, data, affine, names=names)
-    labels, names, notes = _flattened(path, data, segments)
+    labels, names, notes = flattened(path, _masks(path, data, segments))
     return make_label_image(path, labels, affine, names=names, notes=notes)
 
 
@@ -177,20 +176,7 @@ def _segments(path: Path, pairs: dict[str, str]) -> list[tuple[str, int, int]]:
         raise _bad(path, "a number for each segment", str(error)) from error
 
 
-def _flattened(
-    path: Path, data: AnyArray, segments: list[tuple[str, int, int]],
-) -> tuple[AnyArray, dict[int, str], tuple[Finding, ...]]:
+def _masks(path: Path, data: AnyArray, segments: list[tuple[str, int, int]]) -> list[tuple[str, AnyArray]]:
     if not segments:
         raise _bad(path, "names and numbers of the segments of each layer", "none")
-    masks = [(name, data[layer] == value) for name, value, layer in segments if 0 <= layer < len(data)]
-    masks.sort(key=lambda entry: -int(np.count_nonzero(entry[1])))
-    labels = np.zeros(data.shape[1:], dtype=np.uint16)
-    hidden = 0
-    for number, (_, mask) in enumerate(masks, start=1):
-        hidden += int(np.count_nonzero(labels[mask])) if number > 1 else 0
-        labels[mask] = number
-    notes: tuple[Finding, ...] = ()
-    if hidden:
-        detail = f"segments in layers overlap in {hidden} voxels; the smaller one of each was kept there"
-        notes = (Finding("overlap", path.name, detail, hidden, repairable=False),)
-    return labels, {number: name for number, (name, _) in enumerate(masks, start=1)}, notes
+    return [(name, data[layer] == value) for name, value, layer in segments if 0 <= layer < len(data)]
