@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from mixpinn.base.errors import InputError
+from mixpinn.records.doubts import REPAIRED
 
 Kind = Literal[
     "order", "island", "hole", "touch", "overlap", "outside", "exposed", "cut off", "affine", "grid", "values", "scale",
@@ -52,6 +53,16 @@ class Finding:
     repairable: bool = True
     error: bool = False
     repaired: bool = False
+
+    @property
+    def lasting(self) -> bool:
+        """Whether it stays with what is made of the anatomy: what is left, and a rigid part that is not as it was."""
+        return not self.repaired or self.kind not in ("hole", "touch")
+
+    @property
+    def doubt(self) -> str:
+        """As `mixpinn.records.doubts` has it."""
+        return (REPAIRED if self.repaired else "") + f"{self.structure}: {self.kind}: {self.detail}"
 
     def __str__(self) -> str:
         state = "repaired" if self.repaired else "error" if self.error else "warning"

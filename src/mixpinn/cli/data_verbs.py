@@ -71,19 +71,13 @@ def mesh(
     overrides: Set = None,
 ) -> None:
     """Label map → labelled tetrahedral mesh with its statistics, quality and fidelity."""
-    from mixpinn.records import LabelMap
-    from mixpinn.stages.mesh import MeshConfig, make_mesh
+    from mixpinn.stages.mesh import MeshConfig, make_mesh, open_source
     from mixpinn.stages.setup_tables import fidelity_table, quality_table
 
     settings = build_config(MeshConfig, *settings_layers(
         config, overrides, size=size, mesher=mesher, fixed=fixed and str(fixed),
     ))
-    given: LabelMap | Path = source
-    if source.is_dir():
-        given = LabelMap.load(source / "labels.nii.gz")
-    elif source.name.lower().endswith((".nii.gz", ".nii")):
-        given = LabelMap.load(source)
-    result = make_mesh(given, settings, out=out)
+    result = make_mesh(open_source(source), settings, out=out)
     say(result.statistics.table())
     say(quality_table(result.quality).rich())
     if result.fidelity is not None:

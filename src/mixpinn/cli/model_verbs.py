@@ -173,6 +173,7 @@ def predict(
     """Contact displacement, or the probe's pose, → deformed mesh, for ParaView and 3D Slicer."""
     from mixpinn.face import load, simulations_folder
     from mixpinn.records.answer import checked_output
+    from mixpinn.records.doubts import in_short
 
     checked_output(out)
     if sum(source is not None for source in (contacts, simulations, tip)) != 1:
@@ -195,4 +196,6 @@ def predict(
         say(line)
     for line in answer.warnings():
         warn(line)
+    if answer.mesh.doubts:
+        warn(f"the anatomy or its mesh was taken with doubts: {in_short(answer.mesh.doubts)}")
     say(f"Deformed mesh: {out}")

@@ -13,6 +13,7 @@ from mixpinn.base.text import read_text
 from mixpinn.mesh.cells.label import fixed_nodes
 from mixpinn.mesh.cells.orientation import check_cells, orient_cells
 from mixpinn.mesh.read_grid import ORIGINAL, keep, read_tetrahedra
+from mixpinn.records.doubts import unpacked
 from mixpinn.records.tissue_mesh import TissueMesh
 
 _PART_ARRAYS = ("part", "rigid")
@@ -58,7 +59,10 @@ def import_vtu(
     part, names = _parts(grid, rigid_names, what)
     tissue_names = tuple(str(name) for name in grid.field_data.get("tissue_names", ["soft tissue"]))
     tissue = _tissues(grid, len(cells), tissue_names, what)
-    mesh = TissueMesh(points, cells, part, np.zeros(len(points), dtype=bool), names, tissue, tissue_names)
+    mesh = TissueMesh(
+        points, cells, part, np.zeros(len(points), dtype=bool), names, tissue, tissue_names,
+        doubts=unpacked(grid.field_data.get("doubts", ())),
+    )
     if fixed is not None:
         held = _read_fixed(Path(fixed), grid)
     elif "fixed" in grid.point_data:

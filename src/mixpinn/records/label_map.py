@@ -25,6 +25,7 @@ class _About:
     world_to_scanner: tuple[_Row, _Row, _Row, _Row]
     soft_names: tuple[str, ...]
     rigid_names: tuple[str, ...]
+    doubts: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +39,7 @@ class LabelMap:
         world_to_scanner: world frame [mm] to the scanner's RAS frame [mm], shape (4, 4).
         soft_names: names of labels 1 … S; the first is the body.
         rigid_names: names of labels S+1 … S+K, ordered cranial to caudal.
+        doubts: what was noticed while it was made (see `mixpinn.records.doubts`).
     """
 
     labels: AnyArray
@@ -45,6 +47,7 @@ class LabelMap:
     world_to_scanner: FloatArray
     soft_names: tuple[str, ...]
     rigid_names: tuple[str, ...]
+    doubts: tuple[str, ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -73,11 +76,12 @@ class LabelMap:
         image = nib.Nifti1Image(self.labels.astype(np.uint8), self.world_to_scanner @ self.affine)
         with atomic_path(path) as temporary:
             nib.save(image, temporary)
-        write_json(_sidecar(path), {
+        write_json(sidecar(path), {
             "affine": self.affine, "world_to_scanner": self.world_to_scanner,
             "soft_names": self.soft_names, "rigid_names": self.rigid_names,
+            "doubts": self.doubts,
         })
-        label_map_files(path).seal(path.parent, [path.name, _sidecar(path).name])
+        label_map_files(path).seal(path.parent, [path.name, sidecar(path).name])
 
     @staticmethod
     def load(path: Path | str) -> "LabelMap":
@@ -90,8 +94,8 @@ class LabelMap:
 
         path = Path(path)
         # gzip's own checksum is not looked at by nibabel.
-        label_map_files(path).check(path.parent, path.name, _sidecar(path).name)
-        about = load_record(_About, _sidecar(path), remake=_REMAKE)
+        label_map_files(path).check(path.parent, path.name, sidecar(path).name)
+        about = load_record(_About, sidecar(path), remake=_REMAKE)
         affine, world_to_scanner = (np.array(rows, dtype=np.float64) for rows in (about.affine, about.world_to_scanner))
         try:
             labels = np.asarray(nib.load(path).dataobj).astype(np.uint8)
@@ -102,14 +106,15 @@ class LabelMap:
             ) from error
         known = len(about.soft_names) + len(about.rigid_names)
         ArraySpec("index", ("i", "j", "k"), low=0, high=known).check(labels, str(path), extents={}, remake=_REMAKE)
-        return LabelMap(labels, affine, world_to_scanner, about.soft_names, about.rigid_names)
+        return LabelMap(labels, affine, world_to_scanner, about.soft_names, about.rigid_names, about.doubts)
 
 
 def label_map_files(path: Path) -> Artefact:
     """The manifest ``NAME.manifest.json`` of a label map."""
-    name = _sidecar(path).name.removesuffix(".json")
+    name = sidecar(path).name.removesuffix(".json")
     return Artefact("label map", 1, _REMAKE, f"{name}.manifest.json")
 
 
-def _sidecar(path: Path) -> Path:
+def sidecar(path: Path) -> Path:
+    """The description that belongs to the image of a label map."""
     return path.with_name(path.name.removesuffix(".gz").removesuffix(".nii") + ".json")

@@ -10,6 +10,7 @@ import numpy as np
 from mixpinn.base.arrays import AnyArray, BoolArray, FloatArray, Int32Array, IntArray
 from mixpinn.base.errors import InputError
 from mixpinn.base.files import hash_arrays
+from mixpinn.records.doubts import packed, unpacked
 from mixpinn.records.label_map import SCANNER_TO_WORLD
 from mixpinn.records.mid_edges import edge_index, mid_edge_labels
 from mixpinn.records.tetrahedra import TETRA_FACES, signed_volumes
@@ -51,6 +52,7 @@ class TissueMesh:
         tissue_names: names of the soft tissues 0, 1, …
         world_to_scanner: world frame [mm] to the scanner's RAS frame [mm], shape (4, 4).
         order: 1 for linear four-node cells, 2 for quadratic ten-node cells.
+        doubts: what was noticed about it and what it was made from (see `mixpinn.records.doubts`).
 
     Raises:
         InputError: another order.
@@ -65,6 +67,7 @@ class TissueMesh:
     tissue_names: tuple[str, ...] = ("soft tissue",)
     world_to_scanner: FloatArray = field(default_factory=lambda: np.linalg.inv(SCANNER_TO_WORLD))
     order: int = 1
+    doubts: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if self.order not in (1, 2):
@@ -216,7 +219,7 @@ class TissueMesh:
             {
                 "rigid_names": [_ascii(name) for name in self.rigid_names] or [""],
                 "tissue_names": [_ascii(name) for name in self.tissue_names],
-                "world_to_scanner": self.world_to_scanner.ravel(),
+                "world_to_scanner": self.world_to_scanner.ravel(), **packed(self.doubts),
             },
         )
 
@@ -263,6 +266,7 @@ class TissueMesh:
             grid.point_data["fixed"].astype(bool)[:n], tuple(_text(name) for name in data["rigid_names"] if name),
             grid.cell_data["tissue"], tuple(_text(name) for name in data["tissue_names"]),
             np.asarray(data["world_to_scanner"], dtype=np.float64).reshape(4, 4), order,
+            unpacked(data.get("doubts", ())),
         )
         if nodes is not None and not (
             cells.max() < n and mesh.n_nodes == len(points) and np.array_equal(mesh.cell_nodes, nodes)

@@ -2,7 +2,7 @@
 
 import contextlib
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Literal
 
@@ -174,7 +174,8 @@ def _compute(config: AnatomyConfig) -> AnatomyResult:
         left = (*source.notes, *check_plausible(segmentation), *check(segmentation))
         findings = (*repairs, *left, *_hidden(findings, left))
     require_sound(findings, accept=config.accept)
-    return AnatomyResult(place_in_frame(segmentation), findings)
+    lasting = tuple(finding.doubt for finding in findings if finding.lasting)
+    return AnatomyResult(replace(place_in_frame(segmentation), doubts=lasting), findings)
 
 
 def _hidden(before: Sequence[Finding], after: Sequence[Finding]) -> Iterator[Finding]:

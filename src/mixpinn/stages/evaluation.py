@@ -149,7 +149,8 @@ def evaluate_models(
         discretisation=store.discretisation,
         mesh=mesh_table(mesh, with_paper=config.with_paper),
         dataset=dataset_counts_table(dataset_table(table, split), with_paper=config.with_paper),
-        setup=background.setup, protocol=_protocol(store, mesh.tissue_names), pictures=pictures, picture_note=note,
+        setup=(*background.setup, *_doubts(mesh)), protocol=_protocol(store, mesh.tissue_names), pictures=pictures,
+        picture_note=note,
         loss_logs={name: path for path, name in histories.items() if path.exists()},
         stage_seconds=background.stage_seconds or {}, fem_seconds=_seconds_a_step(background.summary),
         provenance={
@@ -160,6 +161,13 @@ def evaluate_models(
     ))
     finish_run(out, {evaluation.model: float(evaluation.metrics["mee"].mean()) for evaluation in evaluations})
     return tuple(evaluations), report
+
+
+def _doubts(mesh: TissueMesh) -> tuple[Table, ...]:
+    """What was noticed about anatomy and mesh, where there is anything."""
+    if not mesh.doubts:
+        return ()
+    return (Table("Doubts about anatomy and mesh", ("What was noticed",), tuple((doubt,) for doubt in mesh.doubts)),)
 
 
 def _identity(table: SampleTable) -> str:

@@ -1,10 +1,11 @@
 """The stage: label map, surfaces or ready mesh in; labelled mesh, its table, quality, fidelity and picture out."""
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Literal, TypeVar
 
+from mixpinn.anatomy.images.image_file import IMAGE_SUFFIXES
 from mixpinn.base.errors import InputError
 from mixpinn.base.files import write_json, write_text
 from mixpinn.base.manifest import Artefact
@@ -28,8 +29,9 @@ from mixpinn.mesh.picture import draw_mesh
 from mixpinn.mesh.surfaces.check_surface import check_surfaces
 from mixpinn.mesh.surfaces.extract import SurfaceConfig, extract_surfaces
 from mixpinn.mesh.surfaces.surface import DomainSurfaces
-from mixpinn.records.label_map import LabelMap
+from mixpinn.records.label_map import LabelMap, sidecar
 from mixpinn.records.tissue_mesh import MESH_FILE, TissueMesh
+from mixpinn.stages.anatomy import LABELS_FILE
 
 T = TypeVar("T")
 MESH_RUN = Artefact("mesh", 1, "run 'mixpinn mesh' into another folder")
@@ -132,6 +134,26 @@ def load_mesh(source: Path | str) -> TissueMesh:
     return TissueMesh.load(source / MESH_FILE)
 
 
+def open_source(source: Path | str) -> LabelMap | Path:
+    """The label map of a folder or file that the anatomy stage wrote; any other file is taken for a ready mesh.
+
+    Raises:
+        InputError: label images that have not been through the anatomy stage, or a damaged label map.
+    """
+    source = Path(source)
+    image = source / LABELS_FILE if source.is_dir() else source
+    is_image = source.is_dir() or source.name.lower().endswith((*IMAGE_SUFFIXES, ".dcm"))
+    if not is_image or not source.exists():
+        return source
+    if not sidecar(image).is_file():
+        raise InputError(
+            str(source), expected="an anatomy that 'mixpinn anatomy' wrote",
+            got="label images that it has not checked and placed",
+            fix=f"run 'mixpinn anatomy {source} --out ANATOMY' first, then 'mixpinn mesh ANATOMY'",
+        )
+    return LabelMap.load(image)
+
+
 def make_mesher(name: Literal["auto", "cgal", "tetwild"]) -> Mesher:
     """The mesher called `name`; ``auto`` is CGAL where it is installed, else fTetWild."""
     if name == "cgal" or (name == "auto" and has_cgal()):
@@ -172,6 +194,8 @@ def make_mesh(
     write_json(out / "statistics.json", result.statistics)
     write_json(out / "quality.json", result.quality)
     report = result.statistics.markdown()
+    if result.mesh.doubts:
+        report += "\n" + "".join(f"- {doubt}\n" for doubt in result.mesh.doubts)
     if result.fidelity is not None:
         write_json(out / "fidelity.json", result.fidelity)
         report += "\n" + result.fidelity.markdown()
@@ -184,13 +208,15 @@ def make_mesh(
             console.print(f"no picture: {error}")
     finish_run(out, {
         "points": result.mesh.n_points, "hash": result.mesh.hash(), "quality": asdict(result.quality),
-        "warnings": mesh_warnings(result.mesh),
+        "warnings": result.mesh.doubts,
     })
     return result
 
 
 def _build(source: LabelMap | DomainSurfaces | Path | str, config: MeshConfig) -> tuple[TissueMesh, LabelMap | None]:
     mesh, label_map = _cells(source, config)
+    doubts = (*mesh.doubts, *(f"mesh: {line}" for line in mesh_warnings(mesh)))
+    mesh = replace(mesh, doubts=tuple(dict.fromkeys(doubts)))
     return mesh.with_order(2 if config.element == "quadratic" else mesh.order), label_map
 
 

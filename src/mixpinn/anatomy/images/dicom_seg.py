@@ -69,16 +69,16 @@ def read_dicom_seg(path: Path) -> LabelImage:
         data = np.zeros(shape, dtype=np.uint16)
         data[:, :, index] = frames.transpose(2, 1, 0)
         return make_label_image(path, data, affine, names=names)
-    low, notes = 0.0, ()
+    least, notes = 0.5, tuple[Finding, ...]()
     if image.SegmentationType == "FRACTIONAL":
-        low = 0.5 * float(image.MaximumFractionalValue) - 0.25
+        least = 0.5 * float(image.MaximumFractionalValue)
         detail = "fractions of a voxel: those of a half or more were taken"
         notes = (Finding("values", path.name, detail, int(np.count_nonzero(frames)), repairable=False),)
     masks = []
     for number in sorted(set(segments)):
         mask = np.zeros(shape, dtype=bool)
         for at in np.flatnonzero(np.array(segments) == number):
-            mask[:, :, index[at]] |= frames[at].T > low
+            mask[:, :, index[at]] |= np.greater_equal(frames[at].T, least)
         masks.append((names.get(number, f"segment_{number}"), mask))
     labels, table, overlaps = flattened(path, masks)
     return make_label_image(path, labels, affine, names=table, notes=(*notes, *overlaps))

@@ -20,7 +20,7 @@ _OTHERS = {".mgz": "FreeSurfer", ".mgh": "FreeSurfer", ".gipl": "GIPL", ".mnc": 
 
 
 def read_label_image(path: Path | str) -> LabelImage:
-    """Read a NIfTI (one file or a pair), NRRD, MetaImage or DICOM segmentation as a label image in the scanner's RAS frame.
+    """Read a NIfTI (one file or a pair), NRRD, MetaImage or DICOM segmentation as a label image in the frame RAS.
 
     Raises:
         InputError: absent, damaged, of another kind, not three-dimensional, without a usable affine, or with values

@@ -49,7 +49,7 @@ def label_mesh(
     if label_map is not None:
         mesh = replace(
             mesh, tissue=cell_tissue(points[cells].mean(axis=1), label_map), tissue_names=label_map.soft_names,
-            world_to_scanner=label_map.world_to_scanner,
+            world_to_scanner=label_map.world_to_scanner, doubts=label_map.doubts,
         )
     return replace(mesh, fixed=fixed_nodes(mesh, region=FixedRegion.of(surfaces.body.points)))
 
