@@ -2,7 +2,8 @@
 
 A point is given by its displacement gradient H = ∂u/∂X, nine numbers row by row, and the constants of its material:
 ``kind``, one of the codes below, and μ and λ [N/mm²]. F = 1 + H is never formed where a difference is meant, so that
-small strains lose no digits. The formulas and their sources are those of `mixpinn.fem.material`.
+small strains lose no digits. The formulas and their sources are those of `mixpinn.fem.material`. `stable_stress` and
+`nodal_force` work in the precision of their arguments: solves call them in double, predictions in single precision.
 
 Numba caches each file on its own: after a change here the caches of the element kernels must be renewed too (touch
 them, or delete ``__pycache__``).
@@ -15,7 +16,7 @@ from typing import Any
 import numba
 import numpy as np
 
-from mixpinn.base.arrays import FloatArray
+from mixpinn.base.arrays import AnyArray, FloatArray
 from mixpinn.physics.projection import negative_modes
 
 STABLE, STABLE_LOG, LINEAR = 0, 1, 2
@@ -93,35 +94,73 @@ def _fill(h: Any, f: FloatArray, cofactor: FloatArray) -> None:
 
 
 @inlined
-def stress(kind: int, mu: float, lam: float, h: Any, f: FloatArray, p: FloatArray) -> None:
-    """First Piola-Kirchhoff stress [N/mm²] into `p` (3, 3); `f` (3, 3) is scratch."""
-    _fill(h, f, p)
-    if kind == LINEAR:
-        pressure = lam * (h[0] + h[4] + h[8])
-        for i in range(3):
-            for j in range(3):
-                p[i, j] = mu * (h[3 * i + j] + h[3 * j + i])
-            p[i, i] += pressure
-    else:
-        shear, growth, _ = invariants(h)
-        a, _, _, d = _coefficients(kind, mu, lam, shear, growth)
-        for i in range(3):
-            for j in range(3):
-                p[i, j] = a * f[i, j] + d * p[i, j]
+def stable_stress(h: Any, mu: Any, lam: Any) -> Any:
+    """First Piola-Kirchhoff stress [N/mm²] of the Stable Neo-Hookean, nine numbers row by row.
+
+    P = μ F + ((λ + μ)(J − 1) − μ) cof F, written in H: with cof F = 1 + C, C = tr H 1 − Hᵀ + cof H, the two unit
+    matrices of μ F and −μ cof F cancel.
+    """
+    h00, h01, h02, h10, h11, h12, h20, h21, h22 = h
+    k00, k01, k02 = h11 * h22 - h12 * h21, h12 * h20 - h10 * h22, h10 * h21 - h11 * h20
+    k10, k11, k12 = h21 * h02 - h22 * h01, h22 * h00 - h20 * h02, h20 * h01 - h21 * h00
+    k20, k21, k22 = h01 * h12 - h02 * h11, h02 * h10 - h00 * h12, h00 * h11 - h01 * h10
+    trace = h00 + h11 + h22
+    # J − 1 = tr H + tr cof H + det H
+    pressure = (lam + mu) * (trace + k00 + k11 + k22 + h00 * k00 + h01 * k01 + h02 * k02)
+    push = pressure - mu
+    return (
+        mu * h00 + push * (trace - h00 + k00) + pressure, mu * h01 + push * (k01 - h10), mu * h02 + push * (k02 - h20),
+        mu * h10 + push * (k10 - h01), mu * h11 + push * (trace - h11 + k11) + pressure, mu * h12 + push * (k12 - h21),
+        mu * h20 + push * (k20 - h02), mu * h21 + push * (k21 - h12), mu * h22 + push * (trace - h22 + k22) + pressure,
+    )
 
 
 @inlined
-def distribute(stress: FloatArray, gradient: FloatArray, volume: float, out: FloatArray) -> None:
-    """V P G_a into `out` (4, 3) for the vertices' gradients G_a (4, 3); vertex 0 takes what makes their sum zero."""
+def stress(kind: int, mu: float, lam: float, h: Any, f: FloatArray, cofactor: FloatArray) -> Any:
+    """First Piola-Kirchhoff stress [N/mm²], nine numbers row by row; `f` and `cofactor` (3, 3) are scratch."""
+    if kind == STABLE:
+        return stable_stress(h, mu, lam)
+    if kind == LINEAR:
+        h00, h01, h02, h10, h11, h12, h20, h21, h22 = h
+        pressure, xy, xz, yz = lam * (h00 + h11 + h22), mu * (h01 + h10), mu * (h02 + h20), mu * (h12 + h21)
+        return (
+            2.0 * mu * h00 + pressure, xy, xz, xy, 2.0 * mu * h11 + pressure, yz, xz, yz, 2.0 * mu * h22 + pressure,
+        )
+    _fill(h, f, cofactor)
+    shear, growth, _ = invariants(h)
+    a, _, _, d = _coefficients(kind, mu, lam, shear, growth)
     for i in range(3):
-        total = 0.0
+        for j in range(3):
+            f[i, j] = a * f[i, j] + d * cofactor[i, j]
+    return entries(f)
+
+
+@inlined
+def entries(matrix: FloatArray) -> Any:
+    """Nine numbers of a matrix (3, 3), row by row."""
+    return (
+        matrix[0, 0], matrix[0, 1], matrix[0, 2], matrix[1, 0], matrix[1, 1], matrix[1, 2], matrix[2, 0], matrix[2, 1],
+        matrix[2, 2],
+    )
+
+
+@inlined
+def nodal_force(stress: Any, gradient: AnyArray, a: int) -> Any:
+    """P G_a, three numbers, of a stress and the vertices' gradients (4, 3)."""
+    s00, s01, s02, s10, s11, s12, s20, s21, s22 = stress
+    g0, g1, g2 = gradient[a, 0], gradient[a, 1], gradient[a, 2]
+    return s00 * g0 + s01 * g1 + s02 * g2, s10 * g0 + s11 * g1 + s12 * g2, s20 * g0 + s21 * g1 + s22 * g2
+
+
+@inlined
+def distribute(stress: Any, gradient: FloatArray, volume: float, out: FloatArray) -> None:
+    """V P G_a into `out` (4, 3) for the vertices' gradients G_a (4, 3); vertex 0 takes what makes their sum zero."""
+    for a in range(1, 4):
+        out[a, 0], out[a, 1], out[a, 2] = nodal_force(stress, gradient, a)
+    for i in range(3):
         for a in range(1, 4):
-            force = volume * (
-                stress[i, 0] * gradient[a, 0] + stress[i, 1] * gradient[a, 1] + stress[i, 2] * gradient[a, 2]
-            )
-            out[a, i] = force
-            total += force
-        out[0, i] = -total
+            out[a, i] *= volume
+        out[0, i] = -(out[1, i] + out[2, i] + out[3, i])
 
 
 @inlined

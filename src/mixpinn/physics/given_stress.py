@@ -7,7 +7,7 @@ The path of materials that are not compiled; conventions as in `mixpinn.physics.
 import numpy as np
 
 from mixpinn.base.arrays import FloatArray
-from mixpinn.physics.energies import LOCAL_PAIRS, compiled, distribute
+from mixpinn.physics.energies import LOCAL_PAIRS, compiled, distribute, entries
 from mixpinn.physics.quadratic_tetrahedron import add_moments, distribute_moments, spread_blocks
 
 
@@ -17,7 +17,7 @@ def cell_forces_of_stress(
 ) -> None:
     """∂E/∂x_a = V P G_a for given stresses P (m, 3, 3)."""
     for e in range(start, stop):
-        distribute(stress[e], gradients[e], volumes[e], out[e])
+        distribute(entries(stress[e]), gradients[e], volumes[e], out[e])
 
 
 @compiled
@@ -52,7 +52,7 @@ def quadratic_forces_of_stress(
     for e in range(start, stop):
         moments[:] = 0.0
         for q in range(len(places)):
-            add_moments(stress[e, q], places[q], shares[q] * volumes[e], moments)
+            add_moments(entries(stress[e, q]), places[q], shares[q] * volumes[e], moments)
         distribute_moments(moments, gradients[e], out[e])
 
 

@@ -14,27 +14,28 @@ from typing import Any
 import numpy as np
 
 from mixpinn.base.arrays import AnyArray, FloatArray, IntArray
-from mixpinn.physics.energies import compiled, density, distribute, invariants, stress, tangent_blocks
+from mixpinn.physics.energies import compiled, density, distribute, inlined, invariants, stress, tangent_blocks
 
 
-@compiled
-def _displacement_gradient(cell: IntArray, displacement: FloatArray, gradient: FloatArray) -> Any:
-    # Σ_a G_a = 0, so that only differences to node 0 enter.
-    h00 = h01 = h02 = h10 = h11 = h12 = h20 = h21 = h22 = 0.0
-    u0, u1, u2 = displacement[cell[0], 0], displacement[cell[0], 1], displacement[cell[0], 2]
-    for a in range(1, 4):
-        d0, d1, d2 = displacement[cell[a], 0] - u0, displacement[cell[a], 1] - u1, displacement[cell[a], 2] - u2
-        g0, g1, g2 = gradient[a, 0], gradient[a, 1], gradient[a, 2]
-        h00 += d0 * g0
-        h01 += d0 * g1
-        h02 += d0 * g2
-        h10 += d1 * g0
-        h11 += d1 * g1
-        h12 += d1 * g2
-        h20 += d2 * g0
-        h21 += d2 * g1
-        h22 += d2 * g2
-    return h00, h01, h02, h10, h11, h12, h20, h21, h22
+@inlined
+def displacement_gradient(cell: AnyArray, displacement: AnyArray, gradient: AnyArray) -> Any:
+    """H of a cell, nine numbers row by row, in the precision of its arguments.
+
+    Σ_a G_a = 0, so that only differences to node 0 enter.
+    """
+    n0, n1, n2, n3 = cell[0], cell[1], cell[2], cell[3]
+    u0, u1, u2 = displacement[n0, 0], displacement[n0, 1], displacement[n0, 2]
+    a0, a1, a2 = displacement[n1, 0] - u0, displacement[n1, 1] - u1, displacement[n1, 2] - u2
+    b0, b1, b2 = displacement[n2, 0] - u0, displacement[n2, 1] - u1, displacement[n2, 2] - u2
+    c0, c1, c2 = displacement[n3, 0] - u0, displacement[n3, 1] - u1, displacement[n3, 2] - u2
+    p0, p1, p2 = gradient[1, 0], gradient[1, 1], gradient[1, 2]
+    q0, q1, q2 = gradient[2, 0], gradient[2, 1], gradient[2, 2]
+    r0, r1, r2 = gradient[3, 0], gradient[3, 1], gradient[3, 2]
+    return (
+        a0 * p0 + b0 * q0 + c0 * r0, a0 * p1 + b0 * q1 + c0 * r1, a0 * p2 + b0 * q2 + c0 * r2,
+        a1 * p0 + b1 * q0 + c1 * r0, a1 * p1 + b1 * q1 + c1 * r1, a1 * p2 + b1 * q2 + c1 * r2,
+        a2 * p0 + b2 * q0 + c2 * r0, a2 * p1 + b2 * q1 + c2 * r1, a2 * p2 + b2 * q2 + c2 * r2,
+    )
 
 
 @compiled
@@ -43,7 +44,7 @@ def cell_jacobians(
 ) -> None:
     """J = det F of each cell into `out` (m,)."""
     for e in range(start, stop):
-        out[e] = 1.0 + invariants(_displacement_gradient(cells[e], displacement, gradients[e]))[1]
+        out[e] = 1.0 + invariants(displacement_gradient(cells[e], displacement, gradients[e]))[1]
 
 
 @compiled
@@ -52,7 +53,7 @@ def cell_deformations(
 ) -> None:
     """F of each cell into `out` (m, 3, 3)."""
     for e in range(start, stop):
-        h = _displacement_gradient(cells[e], displacement, gradients[e])
+        h = displacement_gradient(cells[e], displacement, gradients[e])
         out[e, 0, 0], out[e, 0, 1], out[e, 0, 2] = 1.0 + h[0], h[1], h[2]
         out[e, 1, 0], out[e, 1, 1], out[e, 1, 2] = h[3], 1.0 + h[4], h[5]
         out[e, 2, 0], out[e, 2, 1], out[e, 2, 2] = h[6], h[7], 1.0 + h[8]
@@ -65,7 +66,7 @@ def cell_energies(
 ) -> None:
     """Energy of each cell [N mm] into `out` (m,), zero at rest."""
     for e in range(start, stop):
-        h = _displacement_gradient(cells[e], displacement, gradients[e])
+        h = displacement_gradient(cells[e], displacement, gradients[e])
         out[e] = volumes[e] * density(kinds[e], mu[e], lam[e], h)
 
 
@@ -75,11 +76,10 @@ def cell_forces(
     kinds: AnyArray, mu: FloatArray, lam: FloatArray, out: FloatArray,
 ) -> None:
     """∂E/∂x_a = V P G_a of each cell [N] into `out` (m, 4, 3)."""
-    f, p = np.empty((3, 3)), np.empty((3, 3))
+    f, cofactor = np.empty((3, 3)), np.empty((3, 3))
     for e in range(start, stop):
-        h = _displacement_gradient(cells[e], displacement, gradients[e])
-        stress(kinds[e], mu[e], lam[e], h, f, p)
-        distribute(p, gradients[e], volumes[e], out[e])
+        h = displacement_gradient(cells[e], displacement, gradients[e])
+        distribute(stress(kinds[e], mu[e], lam[e], h, f, cofactor), gradients[e], volumes[e], out[e])
 
 
 @compiled
@@ -95,7 +95,7 @@ def cell_blocks(
     modes, shifts, work = np.empty((9, 3, 3)), np.empty(9), np.empty((6, 3, 3))
     for e in range(start, stop):
         gradient, volume, block = gradients[e], volumes[e], out[e]
-        h = _displacement_gradient(cells[e], displacement, gradient)
+        h = displacement_gradient(cells[e], displacement, gradient)
         tangent_blocks(
             kinds[e], mu[e], lam[e], h, gradient, volume, project, f, cofactor, fg, cg, modes, shifts, work, block,
         )

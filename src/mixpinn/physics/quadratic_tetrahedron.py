@@ -33,28 +33,32 @@ EDGE_OF = np.array([[-1, 0, 1, 2], [0, -1, 3, 4], [1, 3, -1, 5], [2, 4, 5, -1]])
 """Row of `LOCAL_PAIRS` for two vertices of a cell."""
 
 
-@compiled
-def _vertex_gradients(cell: IntArray, displacement: FloatArray, gradient: FloatArray, out: FloatArray) -> None:
+@inlined
+def vertex_gradients(cell: AnyArray, displacement: AnyArray, gradient: AnyArray, out: AnyArray) -> None:
     """Displacement gradients at the vertices into `out` (4, 9); elsewhere they are Σ_b λ_b H_b.
 
-    At vertex b, d_b = 3 u_b and d_c = 4 u_bc − u_c for the other vertices, all counted from u_b.
+    At vertex b, d_b = 3 u_b and d_c = 4 u_bc − u_c for the other vertices, all counted from u_b. Works in the precision
+    of its arguments, as do `gradient_at`, `add_moments` and `distribute_moments`.
     """
     for b in range(4):
         for k in range(9):
-            out[b, k] = 0.0
-        for c in range(4):
-            if c == b:
-                continue
-            middle = cell[4 + EDGE_OF[b, c]]
-            for i in range(3):
-                base = displacement[cell[b], i]
-                move = 4.0 * (displacement[middle, i] - base) - (displacement[cell[c], i] - base)
-                for j in range(3):
-                    out[b, 3 * i + j] += move * gradient[c, j]
+            out[b, k] = 0
+    for pair in range(6):
+        b, c, middle = LOCAL_PAIRS[pair, 0], LOCAL_PAIRS[pair, 1], cell[4 + pair]
+        for i in range(3):
+            first, second, between = displacement[cell[b], i], displacement[cell[c], i], displacement[middle, i]
+            ahead, behind = between - first, between - second
+            ahead += ahead  # twice, and again: a factor 4 would be one in double precision
+            behind += behind
+            ahead += ahead - (second - first)
+            behind += behind - (first - second)
+            for j in range(3):
+                out[b, 3 * i + j] += ahead * gradient[c, j]
+                out[c, 3 * i + j] += behind * gradient[b, j]
 
 
 @inlined
-def _at(corner: FloatArray, place: FloatArray) -> Any:
+def gradient_at(corner: AnyArray, place: AnyArray) -> Any:
     """Displacement gradient at a place, from those at the vertices (4, 9)."""
     a, b, c, d = place[0], place[1], place[2], place[3]
     return (
@@ -78,9 +82,9 @@ def cell_jacobians(
     """J = det F of each cell at each of `places` into `out` (m, p)."""
     corner = np.empty((4, 9))
     for e in range(start, stop):
-        _vertex_gradients(cells[e], displacement, gradients[e], corner)
+        vertex_gradients(cells[e], displacement, gradients[e], corner)
         for q in range(len(places)):
-            out[e, q] = 1.0 + invariants(_at(corner, places[q]))[1]
+            out[e, q] = 1.0 + invariants(gradient_at(corner, places[q]))[1]
 
 
 @compiled
@@ -91,9 +95,9 @@ def cell_deformations(
     """F of each cell at each of `places` into `out` (m, p, 3, 3)."""
     corner = np.empty((4, 9))
     for e in range(start, stop):
-        _vertex_gradients(cells[e], displacement, gradients[e], corner)
+        vertex_gradients(cells[e], displacement, gradients[e], corner)
         for q in range(len(places)):
-            h = _at(corner, places[q])
+            h = gradient_at(corner, places[q])
             for i in range(3):
                 for j in range(3):
                     out[e, q, i, j] = h[3 * i + j]
@@ -108,10 +112,10 @@ def cell_energies(
     """Energy of each cell [N mm] into `out` (m,), zero at rest."""
     corner = np.empty((4, 9))
     for e in range(start, stop):
-        _vertex_gradients(cells[e], displacement, gradients[e], corner)
+        vertex_gradients(cells[e], displacement, gradients[e], corner)
         total = 0.0
         for q in range(len(places)):
-            h = _at(corner, places[q])
+            h = gradient_at(corner, places[q])
             total += shares[q] * density(kinds[e], mu[e], lam[e], h)
         out[e] = volumes[e] * total
 
@@ -122,49 +126,57 @@ def cell_forces(
     places: FloatArray, shares: FloatArray, kinds: AnyArray, mu: FloatArray, lam: FloatArray, out: FloatArray,
 ) -> None:
     """∂E/∂x_n of each cell [N] into `out` (m, 10, 3)."""
-    f, p, corner, moments = np.empty((3, 3)), np.empty((3, 3)), np.empty((4, 9)), np.empty((4, 3, 3))
+    f, cofactor, corner, moments = np.empty((3, 3)), np.empty((3, 3)), np.empty((4, 9)), np.empty((4, 3, 3))
     for e in range(start, stop):
-        _vertex_gradients(cells[e], displacement, gradients[e], corner)
+        vertex_gradients(cells[e], displacement, gradients[e], corner)
         moments[:] = 0.0
         for q in range(len(places)):
-            stress(kinds[e], mu[e], lam[e], _at(corner, places[q]), f, p)
+            p = stress(kinds[e], mu[e], lam[e], gradient_at(corner, places[q]), f, cofactor)
             add_moments(p, places[q], shares[q] * volumes[e], moments)
         distribute_moments(moments, gradients[e], out[e])
 
 
 @inlined
-def add_moments(stress: FloatArray, place: FloatArray, volume: float, moments: FloatArray) -> None:
-    """Add V λ_b P of a quadrature point to `moments` (4, 3, 3)."""
+def add_moments(stress: Any, place: AnyArray, volume: Any, moments: AnyArray) -> None:
+    """Add V λ_b P of a quadrature point, nine numbers row by row, to `moments` (4, 3, 3)."""
+    s00, s01, s02, s10, s11, s12, s20, s21, s22 = stress
     for b in range(4):
         factor = volume * place[b]
-        for i in range(3):
-            for j in range(3):
-                moments[b, i, j] += factor * stress[i, j]
+        moments[b, 0, 0] += factor * s00
+        moments[b, 0, 1] += factor * s01
+        moments[b, 0, 2] += factor * s02
+        moments[b, 1, 0] += factor * s10
+        moments[b, 1, 1] += factor * s11
+        moments[b, 1, 2] += factor * s12
+        moments[b, 2, 0] += factor * s20
+        moments[b, 2, 1] += factor * s21
+        moments[b, 2, 2] += factor * s22
 
 
-@compiled
-def distribute_moments(moments: FloatArray, gradient: FloatArray, out: FloatArray) -> None:
+@inlined
+def distribute_moments(moments: AnyArray, gradient: AnyArray, out: AnyArray) -> None:
     """Nodal forces of a cell into `out` (10, 3) from its stress moments S_b = ∫ λ_b P.
 
     ∫ P ∂N_a/∂X = (4 S_a − Σ_b S_b) G_a and ∫ P ∂N_ab/∂X = 4 (S_b G_a + S_a G_b).
     """
     for i in range(3):
-        s0, s1, s2 = moments[0, i], moments[1, i], moments[2, i]
-        s3 = moments[3, i]
+        s0, s1, s2, s3 = moments[0, i], moments[1, i], moments[2, i], moments[3, i]
         t0, t1, t2 = s0[0] + s1[0] + s2[0] + s3[0], s0[1] + s1[1] + s2[1] + s3[1], s0[2] + s1[2] + s2[2] + s3[2]
         for a in range(4):
             s = moments[a, i]
+            v0, v1, v2 = s[0] + s[0], s[1] + s[1], s[2] + s[2]
             out[a, i] = (
-                (4.0 * s[0] - t0) * gradient[a, 0] + (4.0 * s[1] - t1) * gradient[a, 1]
-                + (4.0 * s[2] - t2) * gradient[a, 2]
+                (v0 + v0 - t0) * gradient[a, 0] + (v1 + v1 - t1) * gradient[a, 1] + (v2 + v2 - t2) * gradient[a, 2]
             )
         for pair in range(6):
             a, b = LOCAL_PAIRS[pair, 0], LOCAL_PAIRS[pair, 1]
             s, t = moments[a, i], moments[b, i]
-            out[4 + pair, i] = 4.0 * (
+            total = (
                 t[0] * gradient[a, 0] + t[1] * gradient[a, 1] + t[2] * gradient[a, 2]
                 + s[0] * gradient[b, 0] + s[1] * gradient[b, 1] + s[2] * gradient[b, 2]
             )
+            total += total
+            out[4 + pair, i] = total + total
 
 
 @compiled
@@ -183,9 +195,9 @@ def cell_blocks(
     full, half, flat = np.empty((4, 4, 9)), np.empty((4, 10, 9)), out.reshape(len(out), 45, 9)
     for e in range(start, stop):
         flat[e] = 0.0
-        _vertex_gradients(cells[e], displacement, gradients[e], corner)
+        vertex_gradients(cells[e], displacement, gradients[e], corner)
         for q in range(len(places)):
-            h = _at(corner, places[q])
+            h = gradient_at(corner, places[q])
             tangent_blocks(
                 kinds[e], mu[e], lam[e], h, gradients[e], volumes[e] * shares[q], project, f, cofactor, fg, cg, modes,
                 shifts, work, blocks,

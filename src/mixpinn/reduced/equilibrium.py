@@ -54,8 +54,6 @@ class Equilibrium:
         cells = mesh.cells if mesh.order == 1 else np.sort(mesh.cell_nodes, axis=1)
         self._cells = np.ascontiguousarray(cells[deforms], dtype=np.int32)
         gradients, volumes = shape_gradients(mesh.points, self._cells[:, :4])
-        if mesh.order == 1:
-            gradients = gradients[:, 1:].reshape(-1, 9)
         self._gradients = np.ascontiguousarray(gradients, dtype=np.float32)
         self._rule = () if mesh.order == 1 else (
             quadrature.points.astype(np.float32), quadrature.weights.astype(np.float32),
