@@ -16,6 +16,7 @@ import numpy as np
 
 from mixpinn.base.arrays import AnyArray
 from mixpinn.base.errors import InputError
+from mixpinn.base.unfinished import PREFIX, held, sweep
 
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EACCES, errno.EPERM, errno.EROFS)
 """What the system says where a file cannot be written for want of room or permission."""
@@ -58,7 +59,8 @@ def _no_room(path: Path | str, error: OSError) -> Exception:
 def atomic_path(path: Path | str) -> Iterator[Path]:
     """Yield a temporary path beside `path`; on success rename it to `path`, on failure remove it.
 
-    The temporary name keeps the suffixes of `path`, since many writers choose their format by them.
+    What killed writers left beside it is removed. The temporary name keeps the suffixes of `path`, since many writers
+    choose their format by them.
 
     Raises:
         InputError: the folder cannot be written, a folder is in the way, or the disk is full.
@@ -66,14 +68,16 @@ def atomic_path(path: Path | str) -> Iterator[Path]:
     path = Path(path)
     make_folder(path.parent)
     try:
-        folder = Path(tempfile.mkdtemp(prefix=".writing-", dir=path.parent))
+        sweep(path.parent)
+        folder = Path(tempfile.mkdtemp(prefix=PREFIX, dir=path.parent))
     except OSError as error:
         raise _no_room(path, error) from error
     temporary = folder / path.name
     try:
-        yield temporary
-        _to_disk(temporary)
-        os.replace(temporary, path)
+        with held(folder):
+            yield temporary
+            _to_disk(temporary)
+            os.replace(temporary, path)
     except IsADirectoryError as error:
         raise InputError(
             str(path), expected="the path of a file", got="a folder", fix="choose another name for the output",

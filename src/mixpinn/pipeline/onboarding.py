@@ -87,7 +87,8 @@ def onboard(config: OnboardingConfig, *, out: Path | str) -> Path:
     settings = asdict(config)
     for later in ("poses", "pictures"):  # decide how far, not what
         del settings[later]
-    del settings["simulation"]["timeout"]  # decides when
+    for stage in ("simulation", "mesh"):
+        del settings[stage]["timeout"]  # decides when
     start_run(out, "onboard", settings)
     clock = _Clock(out / _ROUNDS)
     label_map = make_anatomy(config.anatomy, out=out / "anatomy").label_map

@@ -59,8 +59,8 @@ def run_pipeline(config: RunConfig, *, out: Path | str, threads: int | None = No
     """
     out = Path(out)
     settings = asdict(config)
-    for later in ("workers", "timeout"):  # decide when, not what
-        del settings["simulation"][later]
+    for stage, later in (("simulation", "workers"), ("simulation", "timeout"), ("mesh", "timeout")):
+        del settings[stage][later]  # they decide when, not what
     start_run(out, "run", settings)
     settle_arithmetic()  # before anything is solved in this process
     clock = _Clock(out / TIMES)

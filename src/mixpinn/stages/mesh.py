@@ -61,6 +61,7 @@ class MeshConfig:
         rigid_names: for an imported mesh, names of its rigid parts.
         part_array, soft_labels: for an imported mesh, other data that says the part, and what of it is soft tissue.
         picture: draw ``mesh.png``.
+        timeout: of CGAL, which fails if it takes longer [s].
     """
 
     mesher: Literal["auto", "cgal", "tetwild"] = "auto"
@@ -76,9 +77,10 @@ class MeshConfig:
     part_array: str | None = None
     soft_labels: tuple[int, ...] = (0,)
     picture: bool = True
+    timeout: float = 7200.0
 
     def __post_init__(self) -> None:
-        require_settings(self, "mesh", positive(self, "size"))
+        require_settings(self, "mesh", positive(self, "size", "timeout"))
         if self.facets is not None and self.cells != "graded":
             raise InputError(
                 "facets", expected="graded cells", got=f"cells = {self.cells!r}", fix="leave one of the two out",
@@ -154,10 +156,10 @@ def open_source(source: Path | str) -> LabelMap | Path:
     return LabelMap.load(image)
 
 
-def make_mesher(name: Literal["auto", "cgal", "tetwild"]) -> Mesher:
+def make_mesher(name: Literal["auto", "cgal", "tetwild"], *, timeout: float = MeshConfig.timeout) -> Mesher:
     """The mesher called `name`; ``auto`` is CGAL where it is installed, else fTetWild."""
     if name == "cgal" or (name == "auto" and has_cgal()):
-        return CgalMesher()
+        return CgalMesher(timeout=timeout)
     return TetwildMesher()
 
 
@@ -179,14 +181,15 @@ def make_mesh(
     config = config or MeshConfig()
     if out is None:
         return _measure(*_build(source, config))
-    out = Path(out)
+    out, settings = Path(out), asdict(config)
+    del settings["timeout"]  # decides when
     if isinstance(source, Path | str):
         inputs = {"mesh": Path(source)} | ({"fixed": Path(config.fixed)} if config.fixed else {})
         if not Path(source).is_file():
             raise InputError(str(source), expected="a mesh (.vtu)", got="no such file", fix="check the path")
-        begun = start_run(out, "mesh", config, inputs=inputs)
+        begun = start_run(out, "mesh", settings, inputs=inputs)
     else:
-        begun = start_run(out, "mesh", config, input_hashes={"source": source.hash()})
+        begun = start_run(out, "mesh", settings, input_hashes={"source": source.hash()})
     if begun and is_finished(out):
         return MeshResult.load(out)
     result = _measure(*_build(source, config))
@@ -231,7 +234,7 @@ def _cells(source: LabelMap | DomainSurfaces | Path | str, config: MeshConfig) -
             console.print(f"[yellow]warning[/]: {line}", soft_wrap=True)
         return mesh, None
     label_map = source if isinstance(source, LabelMap) else None
-    mesher = make_mesher(config.mesher)
+    mesher = make_mesher(config.mesher, timeout=config.timeout)
     if isinstance(source, LabelMap):
         surfaces = _announce("surfaces", lambda: extract_surfaces(source, config.surface))
     else:

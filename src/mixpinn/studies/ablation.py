@@ -74,7 +74,9 @@ def run_ablation(
     train = _prepare(table, split, store, config, mesh, out=out, scheduler=scheduler)
     jobs = plan_jobs(config, split, train)
     _baselines(store, mesh, table, out)
-    failed = run_jobs(jobs, out, workers=workers, threads=threads, scheduler=scheduler, devices=devices)
+    failed = run_jobs(
+        jobs, out, workers=workers, threads=threads, scheduler=scheduler, devices=devices, timeout=config.timeout,
+    )
     finished = [job for job in jobs if job.name not in failed]
     report = write_ablation_report(out, finished, config, mesh)
     if failed:
@@ -110,7 +112,7 @@ def write_finished(out: Path, config: AblationConfig) -> Path:
 def _settings(config: AblationConfig) -> dict[str, Any]:
     """What decides the figures, besides the simulations, whose own identity says what they were made of."""
     settings = asdict(config)
-    for name in ("anatomy", "mesh", "simulation"):
+    for name in ("anatomy", "mesh", "simulation", "timeout"):
         del settings[name]
     settings["train"] = asdict(config.train.for_model(MIXPINN))
     del settings["train"]["threads"]

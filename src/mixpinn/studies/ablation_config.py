@@ -15,6 +15,9 @@ from mixpinn.training import TrainConfig
 ROWS = (*(f"row-{number}" for number in ABLATION), "physgnn")
 """The rows of the table: thirteen of the ablation, of which 1 is the simple GAT and 10 MIXPINN, and PhysGNN."""
 
+STANDSTILL = 900.0
+"""By default a training whose process shows no sign of life for so long is ended [s]."""
+
 
 @dataclass(frozen=True)
 class OtherProbe:
@@ -57,6 +60,7 @@ class AblationConfig:
         other_probe: the hold-out with another probe; None leaves it out.
         noise: standard deviation of the error of each contact displacement in the hold-out ``noise`` [mm].
         pictures: draw the tables' plots.
+        timeout: a training whose process stands still for so long is ended [s].
     """
 
     anatomy: AnatomyConfig = field(default_factory=lambda: AnatomyConfig(source="folder"))
@@ -81,6 +85,7 @@ class AblationConfig:
     other_probe: OtherProbe | None = field(default_factory=OtherProbe)
     noise: float = 0.2
     pictures: bool = True
+    timeout: float = STANDSTILL
 
     def __post_init__(self) -> None:
         for name in (*self.models, *self.repeated, self.few_row):

@@ -16,12 +16,11 @@ from mixpinn.base.errors import InputError, MixpinnError
 from mixpinn.base.files import write_text
 from mixpinn.base.progress import progress_bar, quiet
 from mixpinn.dataset.local_pool import deaf_to_interrupts, hear_interrupts, pinned_threads
+from mixpinn.studies.ablation_config import STANDSTILL
 from mixpinn.studies.ablation_jobs import EVALUATIONS, MODELS_FOLDER, AblationJob, run_job, test_set_names
 
 POLL_SECONDS = 0.5
 BEAT_SECONDS = 1.0
-STANDSTILL = 900.0
-"""A job's process that shows no sign of life for so long is ended [s]."""
 MESSAGE = "error.txt"
 
 
@@ -41,7 +40,7 @@ def is_done(folder: Path, job: AblationJob) -> bool:
 
 def run_jobs(
     jobs: Sequence[AblationJob], folder: Path, *, workers: int, threads: int, scheduler: str | None = None,
-    devices: int = 1,
+    devices: int = 1, timeout: float = STANDSTILL,
 ) -> dict[str, str]:
     """Run every job that is not finished; a job that fails leaves the others alone.
 
@@ -52,6 +51,7 @@ def run_jobs(
         threads: of each process.
         scheduler: address of a Dask scheduler.
         devices: processes of each training, each with a device of its own.
+        timeout: a job's process on this machine that stands still for so long is ended [s].
 
     Returns:
         The message of each job that failed, by name.
@@ -63,7 +63,7 @@ def run_jobs(
     failed: dict[str, str] = {}
     events = (
         _on_dask(open_jobs, folder, scheduler=scheduler, devices=devices) if scheduler
-        else _local(open_jobs, folder, workers=workers, threads=threads, devices=devices)
+        else _local(open_jobs, folder, workers=workers, threads=threads, devices=devices, timeout=timeout)
     )
     # Progress is counted in samples that pass, since rows differ in their epochs.
     total = sum(job.train.max_epochs for job in jobs)
@@ -86,12 +86,12 @@ def run_jobs(
 
 
 def _local(
-    jobs: Sequence[AblationJob], folder: Path, *, workers: int, threads: int, devices: int,
+    jobs: Sequence[AblationJob], folder: Path, *, workers: int, threads: int, devices: int, timeout: float,
 ) -> Generator[tuple[str, str] | None, None, None]:
     """A process a job, so many at a time; yields what ended, and None now and then."""
     context = multiprocessing.get_context("spawn")
     waiting, running = list(jobs), dict[str, _Run]()
-    patience: Patience[str] = Patience(STANDSTILL)
+    patience: Patience[str] = Patience(timeout)
     try:
         while waiting or running:
             while waiting and len(running) < workers:
@@ -109,11 +109,11 @@ def _local(
                 if not run.process.is_alive():
                     yield name, _reason(folder, name, run.end())
                     del running[name]
-            for name in patience.lost(dict.fromkeys(running, STANDSTILL)):
+            for name in patience.lost(dict.fromkeys(running, timeout)):
                 run = running.pop(name)
                 run.process.kill()
                 run.end()
-                yield name, f"its process stood still for {STANDSTILL:g} s and was ended; the same command continues it"
+                yield name, f"its process stood still for {timeout:g} s and was ended; the same command continues it"
             yield None
     finally:
         end_all(run.process for run in running.values())

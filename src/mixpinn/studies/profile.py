@@ -19,7 +19,7 @@ from mixpinn.networks import MODELS
 from mixpinn.records import SampleTable, TissueMesh
 from mixpinn.reduced.prior import ElasticPrior
 from mixpinn.stages.simulation import PAPER_TISSUE_CONFIG, SimulationConfig, make_scene, plan
-from mixpinn.studies.profile_measure import PRIOR, Timing, measure_model, model_config, timing
+from mixpinn.studies.profile_measure import PRIOR, TIMEOUT, Timing, measure_model, model_config, timing
 from mixpinn.studies.profile_tables import cost_figure, depth_figure, exponent_table, profile_table
 
 METHODS = ("row-1", "row-2", "row-3", "row-5", "row-6", "row-10", "row-11", "physgnn")
@@ -39,6 +39,7 @@ class ProfileConfig:
         repeats: predictions that are timed, over the depths in turn.
         simulation: the scene and the path of the pose that is simulated.
         prior: include the elastic prior.
+        timeout: a measurement of a network that takes longer is ended [s].
     """
 
     models: tuple[str, ...] = METHODS
@@ -50,6 +51,7 @@ class ProfileConfig:
         tissue=PAPER_TISSUE_CONFIG, protocol=replace(ANATOMY, rotations=(0.0,), max_positions=1),
     ))
     prior: bool = True
+    timeout: float = TIMEOUT
 
     def __post_init__(self) -> None:
         for method in self.models:
@@ -79,7 +81,10 @@ def run_profile(meshes: Mapping[str, TissueMesh], config: ProfileConfig, *, out:
     if not meshes:
         raise InputError("meshes", expected="at least one", got="none", fix="name a mesh")
     out = Path(out)
-    start_run(out, "profile", config, input_hashes={name: mesh.hash() for name, mesh in meshes.items()})
+    settings = asdict(config)
+    for group in (settings, settings["simulation"]):
+        del group["timeout"]  # decides when
+    start_run(out, "profile", settings, input_hashes={name: mesh.hash() for name, mesh in meshes.items()})
     timings: list[Timing] = []
     for name, mesh in meshes.items():
         fem, samples = _solver(name, mesh, config, out)
@@ -90,7 +95,7 @@ def run_profile(meshes: Mapping[str, TissueMesh], config: ProfileConfig, *, out:
             network = model_config(method, hidden=config.hidden, physgnn_hidden=config.physgnn_hidden)
             timings.append(_kept(out, name, method, partial(
                 measure_model, network, samples, (name, mesh), method=method, threads=config.threads,
-                repeats=config.repeats,
+                repeats=config.repeats, timeout=config.timeout,
             )))
     _report(timings, config, out)
     finish_run(out, {"timings": len(timings)})

@@ -76,7 +76,7 @@ class CgalMesher:
             except subprocess.TimeoutExpired as error:
                 raise InputError(
                     what, expected=f"a mesh within {self.timeout:g} s", got="none yet",
-                    fix="try again, choose a larger size, or the mesher tetwild",
+                    fix="try again, or choose a larger size, the mesher tetwild, or more time (setting timeout)",
                 ) from error
             if run.returncode < 0:
                 raise InputError(
