@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from mixpinn.fem.solve.quasi_newton import UpdatedInverse
 from mixpinn.physics.condensed_contact import newton_step, solve_condensed
 
 
@@ -62,46 +61,3 @@ def test_a_law_without_solution_is_reported() -> None:
     def law(y: np.ndarray, exact: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         return np.full(1, 1.0 if y[0] > 0.0 else -1.0), np.zeros((1, 1)), np.array([0])  # y = −sign(y) · 1 … jumps
     assert not solve_condensed(np.eye(1), np.zeros(1), law, start=np.zeros(1), largest_move=1.0).converged
-
-
-def test_bfgs_learns_the_matrix_and_its_compliance() -> None:
-    matrix, guess, kept = spd(10, 1), spd(10, 2), np.array([0, 3, 7])
-    inverse = np.linalg.inv(guess)
-    learnt = UpdatedInverse(lambda v: inverse @ v, inverse[np.ix_(kept, kept)], kept)
-    rng = np.random.default_rng(3)
-    for _ in range(4):
-        step = rng.normal(size=10)
-        learnt.update(step, matrix @ step, guess @ step)
-        np.testing.assert_allclose(learnt.apply(matrix @ step), step, atol=1e-10)  # the secant condition
-        dense = np.stack([learnt.apply(unit) for unit in np.eye(10)])
-        np.testing.assert_allclose(dense, dense.T, atol=1e-10)
-        np.testing.assert_allclose(learnt.compliance, dense[np.ix_(kept, kept)], atol=1e-10)
-    assert len(learnt) == 4
-    learnt.update(rng.normal(size=10), np.zeros(10), np.ones(10))
-    assert len(learnt) == 4
-
-
-def test_a_pair_taken_in_with_the_next_residual_costs_no_solve_and_changes_nothing() -> None:
-    matrix, guess, kept = spd(10, 1), spd(10, 2), np.array([0, 3, 7])
-    inverse, solves, rng = np.linalg.inv(guess), [0], np.random.default_rng(5)
-
-    def solve(vector: np.ndarray) -> np.ndarray:
-        solves[0] += 1
-        return inverse @ vector
-
-    eager = UpdatedInverse(lambda v: inverse @ v, inverse[np.ix_(kept, kept)], kept)
-    lazy = UpdatedInverse(solve, inverse[np.ix_(kept, kept)], kept)
-    old = rng.normal(size=10)
-    for _ in range(4):
-        np.testing.assert_allclose(lazy.residual_step(old), eager.apply(old), atol=1e-10)
-        step = rng.normal(size=10)
-        new = old + matrix @ step
-        lazy.learn(step, old, new, guess @ step)
-        eager.update(step, new - old, guess @ step)
-        assert len(lazy) == len(eager)
-        old = new
-    assert solves[0] == 4
-    other = rng.normal(size=10)
-    np.testing.assert_allclose(lazy.compliance, eager.compliance, atol=1e-10)
-    np.testing.assert_allclose(lazy.residual_step(other), eager.apply(other), atol=1e-10)
-    assert solves[0] == 6  # the last pair by a solve of its own

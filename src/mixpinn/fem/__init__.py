@@ -16,7 +16,8 @@ from mixpinn.fem.rigid.joint_presets import JointPreset, preset_joints
 from mixpinn.fem.scene import Scene
 from mixpinn.fem.scene_record import scene_hash, scene_record
 from mixpinn.fem.solve.imposed import ImposedSolution, solve_imposed
-from mixpinn.fem.solve.linear import LinearSolver, PardisoSolver, SuperLUSolver, default_solver
+from mixpinn.fem.solve.linear import LinearSolver, SuperLUSolver, default_solver
+from mixpinn.fem.solve.pardiso import PardisoSolver
 from mixpinn.fem.solve.pose import PressHistory, solve_pose
 from mixpinn.fem.solve.pose_simulator import PoseSimulator, simulate_pose
 from mixpinn.fem.solve.quasi_static import QuasiStaticSolver, SolverConfig

@@ -6,7 +6,8 @@ import pytest
 import scipy.sparse as sp
 
 from mixpinn.base.errors import SolveError
-from mixpinn.fem.solve.linear import PardisoSolver, SuperLUSolver, default_solver, symmetric_product
+from mixpinn.fem.solve.linear import SuperLUSolver, default_solver, symmetric_product
+from mixpinn.fem.solve.pardiso import PardisoSolver
 
 SOLVERS = [
     pytest.param(lambda: PardisoSolver(threads=1), id="pardiso", marks=pytest.mark.skipif(

@@ -36,14 +36,45 @@ def nearest_on_probe(point, candidates, corners, probe_triangles):  # type: igno
 
 
 @numba.njit(cache=True)
+def nearest_within(point, candidates, corners, probe_triangles, spheres, cutoff):  # type: ignore[no-untyped-def]
+    """`nearest_on_probe` for what lies within `cutoff`, where anything does.
+
+    A triangle whose sphere, row (x, y, z, radius) of `spheres` (t, 4), lies farther away than the nearest so far is
+    passed over.
+    """
+    best, wa, wb, wc, squared, feature, distance = -1, 0.0, 0.0, 0.0, np.inf, 0, cutoff
+    for k in range(len(candidates)):
+        t = candidates[k]
+        dx, dy, dz = point[0] - spheres[t, 0], point[1] - spheres[t, 1], point[2] - spheres[t, 2]
+        limit = spheres[t, 3] + distance
+        if dx * dx + dy * dy + dz * dz > limit * limit:
+            continue
+        a, b, c, s, f = nearest_on_triangle(
+            point[0], point[1], point[2], corners[probe_triangles[t, 0]], corners[probe_triangles[t, 1]],
+            corners[probe_triangles[t, 2]],
+        )
+        if s < squared:
+            best, wa, wb, wc, squared, feature = t, a, b, c, s, f
+            distance = min(distance, np.sqrt(s) * (1.0 + 1e-12))
+    return best, wa, wb, wc, squared, feature
+
+
+def bounding_spheres(triangles):  # type: ignore[no-untyped-def]
+    """Centres and radii of spheres around triangles (t, 3, 3), shape (t, 4)."""
+    centre = triangles.mean(axis=1)
+    radius = np.linalg.norm(triangles - centre[:, None], axis=2).max(axis=1)
+    return np.column_stack([centre, radius * (1.0 + 1e-9)])
+
+
+@numba.njit(cache=True)
 def evaluate_faces(  # type: ignore[no-untyped-def]
-    x, nodes, weights, area, offsets, candidates, corners, probe_triangles, law, gap, anchored, anchor_normal,
+    x, nodes, weights, area, offsets, candidates, corners, probe_triangles, spheres, law, gap, anchored, anchor_normal,
     anchor_offset, exact,
 ):
     """Contact of placed probe corners with points of faces between skin vertices `x` (v, 3).
 
     `nodes` and `weights` (q, w) and `area` (q,) are those of the points, entries offsets[i]:offsets[i + 1] of
-    `candidates` the probe triangles that point i may touch; `law` holds stiffnesses per area. `anchor_offset` (q, 3) is
+    `candidates` the probe triangles that point i may touch, with `spheres` (t, 4) around them; `law` holds stiffnesses per area. `anchor_offset` (q, 3) is
     the elastic slip at the start of the step less where the point's partner on the probe has gone since, so that
     e = offset + p. Without `exact` the stiffness lacks the curvature of d and the dependence of friction on the normal
     force, and is positive semi-definite.
@@ -68,9 +99,11 @@ def evaluate_faces(  # type: ignore[no-untyped-def]
         for c in range(width):
             for r in range(3):
                 point[r] += weights[i, c] * x[nodes[i, c], r]
-        t, wa, wb, wc, squared, feature = nearest_on_probe(
-            point, candidates[offsets[i]:offsets[i + 1]], corners, probe_triangles,
+        t, wa, wb, wc, squared, feature = nearest_within(
+            point, candidates[offsets[i]:offsets[i + 1]], corners, probe_triangles, spheres, gap,
         )
+        if t < 0:
+            continue
         distance = np.sqrt(squared)
         phi, slope, curvature = penalty(gap - distance, law.stiffness, law.smoothing)
         if slope == 0.0:

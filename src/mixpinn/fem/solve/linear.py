@@ -1,7 +1,5 @@
 """Linear solvers for symmetric matrices given by their upper triangle, behind one protocol."""
 
-import sys
-from collections.abc import Callable
 from typing import Any, Protocol
 
 import numpy as np
@@ -11,7 +9,7 @@ from scipy.sparse.linalg import splu
 from mixpinn.base.arrays import FloatArray, IntArray
 from mixpinn.base.errors import SolveError
 
-_SINGULAR = "the matrix is singular: is every soft part held, or joined to one that is?"
+SINGULAR = "the matrix is singular: is every soft part held, or joined to one that is?"
 
 
 class LinearSolver(Protocol):
@@ -59,14 +57,17 @@ def symmetric_product(matrix: sp.csr_matrix, vector: FloatArray) -> FloatArray:
     return product
 
 
-def default_solver(threads: int | None = None) -> LinearSolver:
+def default_solver(threads: int | None = None, *, single: bool = False) -> LinearSolver:
     """PARDISO where Intel's library is installed, else SuperLU.
 
     Args:
         threads: for PARDISO; by default as many as ``OMP_NUM_THREADS`` or the machine says.
+        single: single precision is enough, where it is faster; see `PardisoSolver`.
     """
+    from mixpinn.fem.solve.pardiso import PardisoSolver
+
     try:
-        return PardisoSolver(threads=threads)
+        return PardisoSolver(threads=threads, single=single)
     except ImportError:
         return SuperLUSolver()
 
@@ -78,146 +79,6 @@ def compliance_by_solves(solver: LinearSolver, size: int, kept: IntArray) -> Flo
     block = solver.solve(unit)[kept] if len(kept) else np.empty((0, 0))
     symmetric: FloatArray = 0.5 * (block + block.T)
     return symmetric
-
-
-class PardisoSolver:
-    """MKL PARDISO on the upper triangle.
-
-    Cholesky (matrix type 2) as long as the matrices are positive definite, which is several times faster than the
-    unsymmetric type 11 that the Python package defaults to; a matrix that turns out indefinite is factorized again
-    with Bunch-Kaufman pivoting (type −2), and `indefinite` says so. The symbolic analysis is kept while the pattern
-    stays the same, for each of the two types.
-
-    The block of the inverse comes from the Schur complement that PARDISO forms on its way when it eliminates the
-    unknowns `kept` last: the two together cost what the factorization alone does.
-
-    Args:
-        threads: threads of MKL; by default as many as ``OMP_NUM_THREADS`` or the machine says.
-
-    Raises:
-        ImportError: no MKL for this platform.
-    """
-
-    def __init__(self, *, threads: int | None = None) -> None:
-        import pypardiso  # absent on platforms without MKL
-
-        self._make: Callable[[int], Any] = lambda kind: pypardiso.PyPardisoSolver(mtype=kind)
-        self._error: type[Exception] = pypardiso.pardiso_wrapper.PyPardisoError
-        self._handles: dict[int, Any] = {}
-        self._analysed: dict[int, bool] = {}
-        self._pattern: tuple[IntArray, IntArray] | None = None
-        self._matrix: sp.csr_matrix | None = None
-        self._kept: IntArray = np.empty(0, dtype=np.int64)
-        self.threads = threads
-        self.indefinite = False
-        self._handle(2)
-
-    def factorize(self, matrix: sp.csr_matrix) -> None:
-        """See `LinearSolver.factorize`."""
-        self._factorize_any(matrix, np.empty(0, dtype=np.int64))
-
-    def factorize_with_compliance(self, matrix: sp.csr_matrix, kept: IntArray) -> FloatArray:
-        """See `LinearSolver.factorize_with_compliance`."""
-        schur = self._factorize_any(matrix, np.asarray(kept, dtype=np.int64))
-        if self.indefinite:
-            return compliance_by_solves(self, matrix.shape[0], kept)
-        inverse = np.linalg.inv(schur)
-        symmetric: FloatArray = 0.5 * (inverse + inverse.T)
-        return symmetric
-
-    def _factorize_any(self, matrix: sp.csr_matrix, kept: IntArray) -> FloatArray:
-        """Factorize with one type or the other; the Schur complement (m, m) if it was the first."""
-        if not self._same_pattern(matrix) or not np.array_equal(kept, self._kept):
-            self.free()
-            self._pattern, self._kept = (matrix.indptr, matrix.indices), kept
-        self._matrix = matrix
-        self.indefinite = False
-        schur = np.empty((0, 0))
-        try:
-            schur = self._factorize(2)
-        except self._error as error:
-            if error.value != -4:  # type: ignore[attr-defined]
-                raise SolveError(f"PARDISO could not factorize the matrix: error {error}") from error
-            self.indefinite = True
-            try:
-                self._factorize(-2)
-            except self._error as second:
-                raise SolveError(_SINGULAR) from second
-            if self._handle(-2).iparm[13] and not self._solves():  # pivots were perturbed
-                raise SolveError(_SINGULAR) from None
-        return schur
-
-    def solve(self, rhs: FloatArray) -> FloatArray:
-        """See `LinearSolver.solve`."""
-        if self._matrix is None:
-            raise SolveError("no matrix was factorized yet")
-        return self._call(-2 if self.indefinite else 2, 33, np.asfortranarray(rhs, dtype=np.float64))
-
-    def free(self) -> None:
-        """Release the memory of the factorizations."""
-        for kind, handle in self._handles.items():
-            if self._analysed.get(kind):
-                handle.free_memory(everything=True)
-        self._analysed.clear()
-        self._matrix = self._pattern = None
-
-    def __del__(self) -> None:
-        if not sys.is_finalizing() and getattr(self, "_handles", None):
-            self.free()
-
-    def _same_pattern(self, matrix: sp.csr_matrix) -> bool:
-        if self._pattern is None:
-            return False
-        return all(
-            old is new or np.array_equal(old, new)
-            for old, new in zip(self._pattern, (matrix.indptr, matrix.indices), strict=True)
-        )
-
-    def _factorize(self, kind: int) -> FloatArray:
-        assert self._matrix is not None
-        size, m = self._matrix.shape[0], len(self._kept) if kind == 2 else 0
-        handle = self._handle(kind)
-        if not self._analysed.get(kind):
-            handle.iparm[35] = 2 if m else 0  # form the Schur complement and keep the factors
-            handle.iparm[23] = 1 if m else 0  # which needs the two-level factorization
-            handle.perm = np.zeros(size if m else 0, dtype=np.int32)
-            if m:
-                handle.perm[self._kept] = 1
-            self._call(kind, 11, np.zeros(size))
-            self._analysed[kind] = True
-        out = self._call(kind, 22, np.zeros(max(size, m * m)))  # the Schur complement is written to the solution
-        return out[: m * m].reshape(m, m)
-
-    def _solves(self) -> bool:
-        assert self._matrix is not None
-        rhs = np.cos(np.arange(self._matrix.shape[0]))  # no vector that a singular matrix would happen to reach
-        residual = symmetric_product(self._matrix, self.solve(rhs)) - rhs
-        return bool(np.abs(residual).max() <= 1e-4)
-
-    def _handle(self, kind: int) -> Any:
-        if kind not in self._handles:
-            handle = self._handles[kind] = self._make(kind)
-            handle.iparm[0] = 1  # what follows are no defaults
-            handle.iparm[1] = 2  # nested dissection (METIS)
-            handle.iparm[7] = 2 if kind == -2 else 0  # steps of iterative refinement
-            handle.iparm[9] = 8  # pivots below 1e-8 are perturbed
-            if kind == -2:
-                handle.iparm[20] = 1  # Bunch-Kaufman
-        return self._handles[kind]
-
-    def _call(self, kind: int, phase: int, rhs: FloatArray) -> FloatArray:
-        handle = self._handle(kind)
-        # A single triangular solve is over before a second thread has begun.
-        handle.iparm[24] = 1 if phase == 33 and rhs.ndim == 1 else 0
-        if self.threads is not None:
-            handle.libmkl.MKL_Set_Num_Threads_Local(int(self.threads))
-        handle.set_phase(phase)
-        try:
-            solution: FloatArray = handle._call_pardiso(self._matrix, rhs)
-        finally:
-            if self.threads is not None:
-                handle.libmkl.MKL_Set_Num_Threads_Local(0)
-        return solution
 
 
 class SuperLUSolver:
@@ -253,7 +114,7 @@ class SuperLUSolver:
                 full, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True},
             )
         except RuntimeError as error:
-            raise SolveError(_SINGULAR) from error
+            raise SolveError(SINGULAR) from error
         # With pivots on the diagonal A = L D Lᵀ up to a permutation, so that the signs of D are the inertia.
         self.indefinite = bool((self._factor.U.diagonal() <= 0.0).any())
 
