@@ -78,11 +78,18 @@ def test_an_iteration_costs_one_solve(monkeypatch):
     inner = halves(solver, matrix)
     assert isinstance(inner, CholeskyHalves)
     calls = {"forward": 0, "backward": 0}
-    for name in calls:
-        def counted(vector, name=name, old=getattr(solver, name)):
+
+    def count(name):
+        old = getattr(solver, name)
+
+        def counted(vector):
             calls[name] += 1
             return old(vector)
+
         monkeypatch.setattr(solver, name, counted)
+
+    for name in calls:
+        count(name)
     learnt, old = UpdatedInverse(inner), rng.normal(size=N)
     for _ in range(4):
         learnt.look(old)

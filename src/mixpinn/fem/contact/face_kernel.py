@@ -13,6 +13,7 @@ acts on the same points. Both reach the nodes by the face's shape functions w_i.
 import numba
 import numpy as np
 
+from mixpinn.base.arrays import FloatArray
 from mixpinn.fem.contact.pair_kernel import edge_spans, gram_inverse
 from mixpinn.geometry.proximity import nearest_on_triangle
 from mixpinn.physics.contact_law import penalty, return_slip, slip_derivative
@@ -59,7 +60,7 @@ def nearest_within(point, candidates, corners, probe_triangles, spheres, cutoff)
     return best, wa, wb, wc, squared, feature
 
 
-def bounding_spheres(triangles):  # type: ignore[no-untyped-def]
+def bounding_spheres(triangles: FloatArray) -> FloatArray:
     """Centres and radii of spheres around triangles (t, 3, 3), shape (t, 4)."""
     centre = triangles.mean(axis=1)
     radius = np.linalg.norm(triangles - centre[:, None], axis=2).max(axis=1)
@@ -74,10 +75,10 @@ def evaluate_faces(  # type: ignore[no-untyped-def]
     """Contact of placed probe corners with points of faces between skin vertices `x` (v, 3).
 
     `nodes` and `weights` (q, w) and `area` (q,) are those of the points, entries offsets[i]:offsets[i + 1] of
-    `candidates` the probe triangles that point i may touch, with `spheres` (t, 4) around them; `law` holds stiffnesses per area. `anchor_offset` (q, 3) is
-    the elastic slip at the start of the step less where the point's partner on the probe has gone since, so that
-    e = offset + p. Without `exact` the stiffness lacks the curvature of d and the dependence of friction on the normal
-    force, and is positive semi-definite.
+    `candidates` the probe triangles that point i may touch, with `spheres` (t, 4) around them; `law` holds
+    stiffnesses per area. `anchor_offset` (q, 3) is the elastic slip at the start of the step less where the point's
+    partner on the probe has gone since, so that e = offset + p. Without `exact` the stiffness lacks the curvature of
+    d and the dependence of friction on the normal force, and is positive semi-definite.
 
     Returns:
         energy, largest violation, number of active points, gradient (v, 3), stiffness (3 v, 3 v), which vertices carry

@@ -167,8 +167,8 @@ class FaceContactProblem:
         config = self.model.config
         energy, penetration, hits, gradient, stiffness, touched, force, slip = evaluate_faces(
             positions, self._nodes, self._weights, self._area, self._offsets, self._candidates, self._corners,
-            self.model.probe.surface.triangles, self._spheres, self._law, config.gap, self._anchored, self._anchor_normal,
-            self._anchor_offset, exact,
+            self.model.probe.surface.triangles, self._spheres, self._law, config.gap, self._anchored,
+            self._anchor_normal, self._anchor_offset, exact,
         )
         pressed = self.patch.vertices[touched]
         return ContactForces(energy, gradient, stiffness, touched, slip, force, penetration, hits, pressed)

@@ -1,12 +1,12 @@
 """A symmetric solve in two halves around some unknowns: contact needs the first half, the step needs the second.
 
-With A = L Lᵀ but for the block of the unknowns k that are eliminated last, the first half of A x = b gives z = L⁻¹ b for
-the other unknowns i and f = b_k − A_ki A_ii⁻¹ b_i. Then x_k = W f, with W the block of the inverse that belongs to k, and
-the second half gives x_i. Forces λ on the unknowns k change nothing but f, by λ. Products aᵀ A⁻¹ b need no second half
-either: they are z_a · z_b + f_a · W f_b.
+With A = L Lᵀ but for the block of the unknowns k that are eliminated last, the first half of A x = b gives z = L⁻¹ b
+for the other unknowns i and f = b_k − A_ki A_ii⁻¹ b_i. Then x_k = W f, with W the block of the inverse that belongs
+to k, and the second half gives x_i. Forces λ on the unknowns k change nothing but f, by λ. Products aᵀ A⁻¹ b need no
+second half either: they are z_a · z_b + f_a · W f_b.
 
-Near equilibrium with contact, b_k is large and b_i small: the first half is taken of b_i alone, so that single precision
-rounds what is small.
+Near equilibrium with contact, b_k is large and b_i small: the first half is taken of b_i alone, so that single
+precision rounds what is small.
 """
 
 from dataclasses import dataclass

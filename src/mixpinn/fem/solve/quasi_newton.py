@@ -175,7 +175,8 @@ class UpdatedInverse:
 
     def _with(self, half: Half, seen: _Seen) -> float:
         """aᵀ H₀ v of the vector a behind `half` and a vector v seen."""
-        return _product(half.image, self._halves.dual(seen.half, seen.vector)) + float((half.kept * seen.half.force).sum())
+        inner = _product(half.image, self._halves.dual(seen.half, seen.vector))
+        return inner + float((half.kept * seen.half.force).sum())
 
     def _loops(self, along: FloatArray, across: FloatArray) -> tuple[FloatArray, FloatArray]:
         weights, factors = np.empty(self._count), np.empty(self._count)

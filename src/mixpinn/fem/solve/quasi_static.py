@@ -28,7 +28,6 @@ from mixpinn.fem.solve.quasi_newton import UpdatedInverse
 from mixpinn.geometry.probe_pose import ProbePose
 from mixpinn.physics.condensed_contact import solve_condensed
 
-
 _SINGLE = 1e-7
 """Down to this tolerance a factorization in single precision does: iterations correct its errors, whose rounding leaves
 about 3e-8 of the contact forces."""
