@@ -1,0 +1,1 @@
+"""OpenIGTLink: the protocol's messages, and a loaded predictor behind it."""
