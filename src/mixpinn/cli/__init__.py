@@ -61,7 +61,8 @@ def _run() -> None:
 
 
 def _application() -> Any:
-    from mixpinn.cli import live_verbs, model_verbs, run_verbs  # noqa: F401 (they add their verbs to the application)
+    # They add their verbs to the application.
+    from mixpinn.cli import live_verbs, model_verbs, run_verbs, stream_verb  # noqa: F401
     from mixpinn.cli.data_verbs import app
 
     return app
