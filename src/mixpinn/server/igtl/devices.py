@@ -7,6 +7,8 @@ from mixpinn.server.igtl.header import DEVICE_LENGTH
 
 PROBE, SKIN, GRID, FORCE, TRUST, STATUS = "Probe", "Skin", "Displacement", "Force", "Trust", "MIXPINN"
 """Names of the devices that are not rigid parts."""
+PROBE_MODEL, PROBE_START = "ProbeModel", "ProbeStart"
+"""What every peer gets once: the probe's surface in its own frame, and a place at first touch to begin from."""
 
 
 def probe_devices(count: int) -> tuple[str, ...]:

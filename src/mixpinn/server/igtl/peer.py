@@ -1,7 +1,6 @@
 """One connection: what comes is read message by message, what is to go waits in an outbox."""
 
 import asyncio
-import contextlib
 import socket
 from collections.abc import Callable
 
@@ -38,6 +37,7 @@ class Peer:
         if isinstance(connection, socket.socket):
             connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 4 * _CHUNK)
+            connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
 
     async def run(
         self, take: Callable[["Peer", Message], None], refuse: Callable[["Peer", DamagedMessage], None],
@@ -66,15 +66,10 @@ class Peer:
             return str(error) or type(error).__name__
         finally:
             sending.cancel()
-            with contextlib.suppress(asyncio.CancelledError, OSError):
-                await sending
-            await self.close()
-
-    async def close(self) -> None:
-        """End the connection without waiting for what is not read."""
-        self._writer.transport.abort()
-        with contextlib.suppress(OSError, asyncio.CancelledError):
-            await self._writer.wait_closed()
+            self._writer.transport.abort()  # without waiting for what is not read
+            await asyncio.wait({sending})  # raises nothing of the task's own, but lets this one be cancelled
+            if not sending.cancelled():
+                sending.exception()  # seen: reading ends for the same reason
 
     async def _read(self) -> Message:
         header = Header.unpack(await self._reader.readexactly(HEADER_SIZE))

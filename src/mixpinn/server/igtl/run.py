@@ -8,7 +8,8 @@ from pathlib import Path
 
 from mixpinn.base.errors import InputError
 from mixpinn.server.igtl.connect import LOCAL, PORT, call, listen
-from mixpinn.server.igtl.devices import FORCE, GRID, SKIN, STATUS, TRUST, probe_devices
+from mixpinn.server.igtl.devices import FORCE, GRID, PROBE_MODEL, PROBE_START, SKIN, STATUS, TRUST, probe_devices
+from mixpinn.server.igtl.probe import probe_messages
 from mixpinn.server.igtl.publisher import Publisher
 from mixpinn.server.igtl.stream import Stream, StreamConfig
 from mixpinn.serving.live import Friction, LiveSession
@@ -80,7 +81,8 @@ async def _run(
     def ready(port: int) -> None:
         say(f"OpenIGTLink: listening at {settings.host}:{port}")
 
-    async with Stream(session, publisher, settings.rates, tell=say) as stream:
+    greeting = probe_messages(session, publisher.frame)
+    async with Stream(session, publisher, settings.rates, greeting=greeting, tell=say) as stream:
         if settings.connect is None:
             await listen(stream, settings.host, settings.port, ready=ready)
         else:
@@ -96,6 +98,7 @@ def _devices(publisher: Publisher, settings: StreamSettings) -> list[str]:
     return [
         f"takes TRANSFORM {', '.join(probe_devices(rates.probes))}: the probe's tip and axes in RAS [mm]",
         f"sends TRANSFORM {', '.join(publisher.devices.values())}: from rest to now in RAS [mm]",
+        f"sends once POLYDATA {PROBE_MODEL} in the probe's own frame, TRANSFORM {PROBE_START}: where it may begin",
         f"sends POLYDATA {skin}, IMAGE {grid}, NDARRAY {FORCE}, STRING {TRUST}, STATUS {STATUS}",
     ]
 

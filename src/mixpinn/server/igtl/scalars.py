@@ -1,15 +1,17 @@
 """How the protocol numbers the types of array elements, in IMAGE and NDARRAY alike."""
 
+from typing import Any
+
 import numpy as np
 
-SCALARS = {
+SCALARS: dict[int, np.dtype[Any]] = {
     2: np.dtype("i1"), 3: np.dtype("u1"), 4: np.dtype("i2"), 5: np.dtype("u2"), 6: np.dtype("i4"), 7: np.dtype("u4"),
     10: np.dtype("f4"), 11: np.dtype("f8"),
 }
 """Element type by its number, in the machine's byte order."""
 
 
-def scalar_code(dtype: np.dtype) -> int:
+def scalar_code(dtype: np.dtype[Any]) -> int:
     """The number of an element type.
 
     Raises:

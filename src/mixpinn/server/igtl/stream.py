@@ -4,7 +4,7 @@ import asyncio
 import itertools
 import time
 from collections import OrderedDict
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from mixpinn.geometry.probe_pose import ProbePose
@@ -51,7 +51,7 @@ class Stream:
 
     def __init__(
         self, session: LiveSession, publisher: Publisher, config: StreamConfig | None = None, *,
-        tell: Callable[[str], None] = lambda line: None,
+        greeting: Sequence[Message] = (), tell: Callable[[str], None] = lambda line: None,
     ) -> None:
         """Prepare.
 
@@ -59,10 +59,11 @@ class Stream:
             session: that answers poses.
             publisher: that makes messages of its answers.
             config: what is sent to whom.
+            greeting: sent once to every peer that comes, before anything else but the status.
             tell: called with a line of text when a peer comes or goes.
         """
         self._session, self._publisher, self._config = session, publisher, config or StreamConfig()
-        self._tell = tell
+        self._tell, self._greeting = tell, [(kept.type, kept.device, kept.pack()) for kept in greeting]
         self._probes = {name: index for index, name in enumerate(probe_devices(self._config.probes))}
         self._peers: dict[Peer, dict[str, Pace]] = {}
         self._timers: dict[Peer, asyncio.TimerHandle] = {}
@@ -95,6 +96,8 @@ class Stream:
         self._peers[peer] = self._paces()
         self._tell(f"{peer.name} connected")
         peer.outbox.put("STATUS", STATUS, self._status(StatusCode.OK, "ready").pack())
+        for kind, device, kept in self._greeting:
+            peer.outbox.put(kind, device, kept)
         self._send_to(peer)
         why = "this program ended"
         try:
@@ -208,5 +211,9 @@ class Stream:
             return True
         if self._preparing is None:
             self._preparing = self._loop.run_in_executor(None, self._publisher.prepare_grid)
-            self._preparing.add_done_callback(lambda _: [self._send_to(peer) for peer in tuple(self._peers)])
+            self._preparing.add_done_callback(self._grid_came)
         return False
+
+    def _grid_came(self, done: "asyncio.Future[None]") -> None:
+        for peer in self._peers:
+            self._send_to(peer)
