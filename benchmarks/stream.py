@@ -4,8 +4,8 @@
 30 poses a second for five minutes, and prints as its last line a JSON object: ``delay_ms_*`` from the moment at which a
 pose is sent to that at which the transform of the last rigid part of this pose or of a newer one was received;
 ``poses``, of which ``passed_over`` were replaced by a newer one before their turn; ``transforms_per_s`` received;
-``refused``, poses that were answered by a status instead; ``cores`` and ``load`` of the machine at the end. Skins are sent
-ten times a second meanwhile, as by default.
+``refused``, poses that were answered by a status instead; ``cores`` and ``load`` of the machine at the end. Skins are
+sent ten times a second meanwhile, as by default.
 """
 
 import argparse
