@@ -27,8 +27,12 @@ async def listen(stream: Stream, host: str, port: int, *, ready: Callable[[int],
     Raises:
         InputError: the address cannot be used.
     """
+    async def welcome(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        with contextlib.suppress(asyncio.CancelledError):  # the program ends: nobody waits for this task
+            await stream.welcome(reader, writer)
+
     try:
-        server = await asyncio.start_server(stream.welcome, host, port)
+        server = await asyncio.start_server(welcome, host, port)
     except OSError as error:
         raise InputError(
             f"{host}:{port}", expected="an address that is free", got=error.strerror or str(error),
