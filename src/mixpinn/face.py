@@ -25,7 +25,8 @@ if TYPE_CHECKING:
 
 def load_anatomy(
     source: Path | str, *, repair: bool = False, names: Path | str | None = None, body: str | None = None,
-    rigid: Sequence[str] | None = None, soft: Sequence[str] = (), out: Path | str | None = None,
+    rigid: Sequence[str] | None = None, target: Sequence[str] | None = None, paper_parts: bool = False,
+    soft: Sequence[str] = (), out: Path | str | None = None,
 ) -> LabelMap:
     """Read, check and crop an anatomy, and place it in the world frame.
 
@@ -34,7 +35,9 @@ def load_anatomy(
         repair: mend what the label check finds.
         names: name table of a multi-label image; by default its header's names, else those of TotalSegmentator 2.
         body: name of the body, or a file; by default found by name.
-        rigid: names of the rigid parts; by default every lumbar vertebra there is.
+        rigid: names of the rigid parts; by default every bone of the maps inside the crop.
+        target: rigid parts that the crop follows; by default the lumbar vertebrae.
+        paper_parts: only the lumbar vertebrae are rigid, as in the paper.
         soft: names of further soft tissues.
         out: run directory, also with a picture and the findings; nothing is written without it.
 
@@ -46,7 +49,7 @@ def load_anatomy(
 
     settings = build_config(AnatomyConfig, source_settings(source), {
         "repair": repair, "names": names and str(names), "body": body, "rigid": rigid and tuple(rigid),
-        "soft": tuple(soft),
+        "soft": tuple(soft), "target": target and tuple(target), "paper_parts": paper_parts,
     })
     return make_anatomy(settings, out=out).label_map
 

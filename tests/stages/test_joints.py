@@ -45,7 +45,7 @@ def test_a_store_keeps_the_joints_and_other_joints_are_another_run(begun, tmp_pa
 
 
 def test_settings_of_joints_that_are_no_settings_are_refused(begun) -> None:
-    with pytest.raises(InputError, match=r"settings of a store.*joints"):
+    with pytest.raises(InputError, match=r"settings of a store.*joints of your own"):
         settings_of(begun[1])
 
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 import nibabel as nib
 import numpy as np
 
+from mixpinn.anatomy.bones import clip_bones
 from mixpinn.anatomy.segmentation import Segmentation, Structure
 from mixpinn.base.arrays import AnyArray, FloatArray
 from mixpinn.base.errors import InputError
@@ -20,7 +21,10 @@ _TOLERANCE = 1e-3
 
 
 def crop(segmentation: Segmentation, *, above: float = CROP_ABOVE, below: float = CROP_BELOW) -> Segmentation:
-    """Keep the slab from `above` [mm] above the highest to `below` [mm] below the lowest rigid part.
+    """Keep the slab from `above` [mm] above the highest to `below` [mm] below the lowest target, and what is in it.
+
+    The targets are all rigid parts where the segmentation names none; of bones beside them only what lies in the slab
+    is kept (`mixpinn.anatomy.bones.clip_bones`).
 
     Heights are the scanner's S. Parts reach to the faces of their voxels; a voxel is kept where its centre is inside.
     The grid stays as it is, and so does an image that ends before the slab does.
@@ -31,7 +35,10 @@ def crop(segmentation: Segmentation, *, above: float = CROP_ABOVE, below: float 
     if not (above >= 0.0 and below >= 0.0):
         raise InputError("crop margins", expected="0 mm or more", got=f"{above:g} and {below:g}", fix="correct them")
     half_voxel = 0.5 * float(np.abs(segmentation.affine[2, :3]).sum())
-    ranges = [_range(segmentation.heights(part), part.mask) for part in segmentation.rigid]
+    ranges = [
+        _range(segmentation.heights(part), part.mask) for part in segmentation.rigid
+        if not segmentation.targets or part.name in segmentation.targets
+    ]
     low = min(first for first, _ in ranges) - half_voxel - below - _TOLERANCE
     high = max(last for _, last in ranges) + half_voxel + above + _TOLERANCE
 
@@ -45,6 +52,8 @@ def crop(segmentation: Segmentation, *, above: float = CROP_ABOVE, below: float 
             )
         return kept
 
+    if segmentation.targets and len(segmentation.targets) < len(segmentation.rigid):
+        segmentation = clip_bones(segmentation, low, high)
     return replace(
         segmentation, body=cut(segmentation.body), soft=tuple(cut(tissue) for tissue in segmentation.soft),
     )
@@ -86,6 +95,8 @@ def place_in_frame(segmentation: Segmentation) -> LabelMap:
         labels=labels, affine=_rounded(to_origin @ affine), world_to_scanner=world_to_scanner,
         soft_names=(segmentation.body.name, *(tissue.name for tissue in segmentation.soft)),
         rigid_names=tuple(part.name for part in rigid),
+        cut_names=tuple(part.name for part in rigid if part.name in segmentation.cut),
+        target_names=tuple(part.name for part in rigid if part.name in segmentation.targets),
     )
 
 

@@ -62,6 +62,17 @@ def is_lumbar(name: str) -> bool:
     return match is not None and match[1].upper() == "L"
 
 
+_BONES = re.compile(
+    r"(sacrum|coccyx|sternum|skull|hip(_left|_right)?|femur(_left|_right)?|rib_(left|right)_\d{1,2}"
+    r"|(humerus|scapula|clavicula)(_left|_right)?)$", re.IGNORECASE,
+)
+
+
+def is_bone(name: str) -> bool:
+    """Whether `name` is a bone, as TotalSegmentator calls them."""
+    return _VERTEBRA.match(name) is not None or _BONES.match(name) is not None
+
+
 def spine_rank(name: str) -> int | None:
     """Place along the spine, counted from the head; None where the name says nothing of it."""
     if name.lower() in ("sacrum", "coccyx"):

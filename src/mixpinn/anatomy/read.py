@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from scipy import ndimage
 
+from mixpinn.anatomy.bones import bones_among, choose_bones, one_sacrum
 from mixpinn.anatomy.checks.numbering import check_numbering, look
 from mixpinn.anatomy.checks.sides import LANDMARKS, check_sides
 from mixpinn.anatomy.finding import Finding
@@ -15,7 +16,7 @@ from mixpinn.anatomy.images.image_file import label_files, read_label_image, str
 from mixpinn.anatomy.images.label_image import LabelImage
 from mixpinn.anatomy.images.lattice import on_lattice
 from mixpinn.anatomy.name_table import read_names
-from mixpinn.anatomy.names import TOTAL_CLASSES, is_lumbar, unknown_structure
+from mixpinn.anatomy.names import TOTAL_CLASSES, unknown_structure
 from mixpinn.anatomy.segmentation import Index3, Segmentation, Structure
 from mixpinn.anatomy.select import check_roles, find_body, select_files
 from mixpinn.base.arrays import AnyArray, BoolArray, FloatArray, IntArray
@@ -28,6 +29,7 @@ _TRUNK = 1
 
 def read_folder(
     folder: Path | str, *, body: Path | str | None = None, rigid: Sequence[str] | None = None, soft: Sequence[str] = (),
+    target: Sequence[str] | None = None, lumbar_only: bool = False,
 ) -> Segmentation:
     """Read a folder with one binary NIfTI a structure, named after it (TotalSegmentator's layout).
 
@@ -35,13 +37,17 @@ def read_folder(
         folder: the folder; masks may lie each in a box of its own on one lattice.
         body: structure that is the body, or a file elsewhere; by default ``body_trunc``, ``body_trunc_*``, ``body``,
             ``trunk`` or ``torso``, whichever comes first.
-        rigid: names of the rigid parts; by default every lumbar vertebra there is.
+        rigid: names of the rigid parts; by default every bone there is.
         soft: names of further soft tissues inside the body.
+        target: the rigid parts that the crop follows; by default the lumbar vertebrae.
+        lumbar_only: of the bones only the lumbar vertebrae are rigid, as in the paper.
 
     Raises:
         InputError: a structure is missing, empty, damaged, not a binary label map, or on another grid.
     """
-    selection = select_files(folder, body=body, rigid=rigid, soft=soft)
+    selection = select_files(
+        folder, body=body, rigid=rigid, soft=soft, target=target, lumbar_only=lumbar_only,
+    )
     structures: dict[str, Structure] = {}
     reference: tuple[Path, LabelImage] | None = None
     notes: list[Finding] = []
@@ -61,14 +67,15 @@ def read_folder(
         body=structures[structure_name(selection.body)],
         soft=tuple(structures[name] for name in selection.soft),
         rigid=tuple(structures[name] for name in selection.rigid),
-        affine=reference[1].affine, shape=_shape(reference[1]), notes=tuple(notes),
+        affine=reference[1].affine, shape=_shape(reference[1]), notes=tuple(notes), targets=selection.targets,
     )
-    return _on_common_grid(read, shapes)
+    return one_sacrum(_on_common_grid(read, shapes))
 
 
 def read_multilabel(
     file: Path | str, *, names: Mapping[int, str] | Path | str | None = None, body: Path | str | None = None,
-    rigid: Sequence[str] | None = None, soft: Sequence[str] = (),
+    rigid: Sequence[str] | None = None, soft: Sequence[str] = (), target: Sequence[str] | None = None,
+    lumbar_only: bool = False,
 ) -> Segmentation:
     """Read one NIfTI in which each structure has a number.
 
@@ -79,8 +86,10 @@ def read_multilabel(
         body: name of the body's label, or a file with the body on the same grid. The task "total" has no body, so a
             file is needed with it: a mask, or what TotalSegmentator's task "body" writes. A label of the same image is
             taken together with all structures that lie in it, since each voxel of such an image has one label only.
-        rigid: names of the rigid parts; by default every lumbar vertebra there is.
+        rigid: names of the rigid parts; by default every bone there is.
         soft: names of further soft tissues inside the body.
+        target: the rigid parts that the crop follows; by default the lumbar vertebrae.
+        lumbar_only: of the bones only the lumbar vertebrae are rigid, as in the paper.
 
     Raises:
         InputError: a structure is missing, a number has no name, or the image is not a label map.
@@ -100,11 +109,10 @@ def read_multilabel(
     _refuse_repeated_names(Path(file), [table[number] for number in present])
     numbers = {table[number]: number for number in present}
     body_structure, body_box, body_notes = _body_of_multilabel(Path(file), image, numbers, body)
-    if rigid is None:
-        rigid = [name for name in numbers if is_lumbar(name)]
-        if not rigid:
-            raise InputError(str(file), expected="lumbar vertebrae", got=f"only {', '.join(numbers) or 'background'}",
-                             fix="name the rigid parts, or give the table that belongs to this image")
+    rigid, targets = choose_bones(
+        bones_among(numbers, soft), rigid=rigid, target=target, lumbar_only=lumbar_only,
+        where=str(file),
+    )
     check_roles(body_structure.name, soft, rigid)
     for name in (*soft, *rigid):
         if name not in table.values():
@@ -121,8 +129,9 @@ def read_multilabel(
         soft=tuple(_label(image, name, numbers[name], boxes) for name in soft),
         rigid=tuple(_label(image, name, numbers[name], boxes) for name in rigid),
         affine=image.affine, shape=_shape(image), notes=(*image.notes, *doubts, *body_notes),
+        targets=targets,
     )
-    return _on_common_grid(read, [((0, 0, 0), _shape(image)), body_box])
+    return one_sacrum(_on_common_grid(read, [((0, 0, 0), _shape(image)), body_box]))
 
 
 def _centres(structures: Mapping[str, Structure], affine: FloatArray) -> dict[str, FloatArray]:

@@ -91,7 +91,9 @@ class Segmentation:
         rigid: rigid parts, in the order they were asked for.
         affine: voxel index to the scanner's RAS frame [mm], shape (4, 4).
         shape: of the image grid.
-        notes: what was noticed while reading.
+        notes: what was noticed while reading, and which bone plays which part.
+        targets: rigid parts that the crop follows; empty where all of them are.
+        cut: rigid parts of which some lies outside the crop or the image.
     """
 
     body: Structure
@@ -100,6 +102,8 @@ class Segmentation:
     affine: FloatArray
     shape: Index3
     notes: tuple[Finding, ...] = ()
+    targets: tuple[str, ...] = ()
+    cut: tuple[str, ...] = ()
 
     @property
     def parts(self) -> tuple[Structure, ...]:

@@ -4,8 +4,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from mixpinn.anatomy.bones import bones_among, choose_bones
 from mixpinn.anatomy.images.image_file import label_files, structure_name
-from mixpinn.anatomy.names import BODY_NAMES, is_lumbar, unknown_structure
+from mixpinn.anatomy.names import BODY_NAMES, unknown_structure
 from mixpinn.base.errors import InputError
 
 
@@ -17,11 +18,13 @@ class FolderSelection:
         body: the body's file.
         soft: file of each further soft tissue, by name.
         rigid: file of each rigid part, by name.
+        targets: names of those that the crop follows.
     """
 
     body: Path
     soft: Mapping[str, Path]
     rigid: Mapping[str, Path]
+    targets: tuple[str, ...] = ()
 
     def files(self) -> dict[str, Path]:
         """Every file by the name of its structure."""
@@ -30,6 +33,7 @@ class FolderSelection:
 
 def select_files(
     folder: Path | str, *, body: Path | str | None = None, rigid: Sequence[str] | None = None, soft: Sequence[str] = (),
+    target: Sequence[str] | None = None, lumbar_only: bool = False,
 ) -> FolderSelection:
     """Choose the files of a folder; see `read_folder`.
 
@@ -49,18 +53,17 @@ def select_files(
         )
     where = f"the folder {folder}"
     body_path = _body_file(folder, found, body)
-    if rigid is None:
-        rigid = [name for name in found if is_lumbar(name)]
-        if not rigid:
-            raise InputError(
-                str(folder), expected="lumbar vertebrae (vertebrae_L1.nii.gz …)",
-                got=f"only {', '.join(found)}", fix="name the rigid parts",
-            )
+    rigid, targets = choose_bones(
+        bones_among(found, soft), rigid=rigid, target=target, lumbar_only=lumbar_only,
+        where=str(folder),
+    )
     check_roles(structure_name(body_path), soft, rigid)
     for name in (*soft, *rigid):
         if name not in found:
             raise unknown_structure(name, found, where=where)
-    return FolderSelection(body_path, {name: found[name] for name in soft}, {name: found[name] for name in rigid})
+    return FolderSelection(
+        body_path, {name: found[name] for name in soft}, {name: found[name] for name in rigid}, targets,
+    )
 
 
 def find_body(names: Iterable[str]) -> list[str]:

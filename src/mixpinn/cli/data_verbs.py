@@ -7,20 +7,30 @@ import typer
 
 from mixpinn.base.config import build_config
 from mixpinn.cli.options import (
+    Caps,
     Config,
+    Front,
+    Hold,
+    Joints,
     MeshSource,
     Out,
     PaperConstants,
+    PaperParts,
     Positions,
     ProbeFile,
     Protocol,
+    Rigid,
     Set,
     SplitFile,
+    Target,
+    bone_options,
     load_mesh,
+    restraint_options,
     settings_layers,
     simulation_settings,
 )
 from mixpinn.cli.output import say, warn
+from mixpinn.records.joint_frame import JOINTS_FILE
 
 app = typer.Typer(
     name="mixpinn", no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False,
@@ -38,7 +48,9 @@ def anatomy(
     out: Out,
     names: Annotated[Path | None, typer.Option(help="Name table of a multi-label image, total or total-v1.")] = None,
     body: Annotated[str | None, typer.Option(help="Name or file of the body.")] = None,
-    rigid: Annotated[list[str] | None, typer.Option(help="A rigid structure; repeatable. Lumbar vertebrae.")] = None,
+    rigid: Rigid = None,
+    target: Target = None,
+    paper_parts: PaperParts = False,
     soft: Annotated[list[str] | None, typer.Option(help="A further soft tissue; repeatable.")] = None,
     repair: Annotated[bool, typer.Option(help="Repair what the label check finds.")] = False,
     seed: Annotated[int | None, typer.Option(help="Vary the phantom.")] = None,
@@ -51,7 +63,7 @@ def anatomy(
 
     settings = build_config(AnatomyConfig, *settings_layers(
         config, overrides, **source_settings(source), names=names and str(names), body=body,
-        rigid=rigid and tuple(rigid), soft=soft and tuple(soft), repair=repair or None, seed=seed,
+        soft=soft and tuple(soft), repair=repair or None, seed=seed, **bone_options(rigid, target, paper_parts),
     ))
     result = make_anatomy(settings, out=out)
     label_map = result.label_map
@@ -92,19 +104,26 @@ def simulate(
     probe: ProbeFile = None,
     positions: Positions = None,
     paper_constants: PaperConstants = False,
+    joints: Joints = None,
+    support: Front = None,
+    hold: Hold = None,
+    caps: Caps = None,
     workers: Annotated[int | None, typer.Option(help="Processes; every core by default.")] = None,
     scheduler: Annotated[str | None, typer.Option(help="Address of a Dask scheduler to use instead.")] = None,
     config: Config = None,
     overrides: Set = None,
 ) -> None:
     """Press the probe over the grid of poses; finished poses are kept if the command is stopped."""
-    from mixpinn.stages.simulation import make_simulations
+    from mixpinn.stages.simulation import for_patients, make_simulations
 
     settings = simulation_settings(
         config, overrides, protocol=protocol, probe=probe, positions=positions, paper_constants=paper_constants,
-        workers=workers,
+        workers=workers, restraints=restraint_options(joints, support, hold, caps),
     )
-    _, summary = make_simulations(load_mesh(source), settings, out=out, scheduler=scheduler)
+    meshed = load_mesh(source)
+    if (source / JOINTS_FILE).is_file() and not paper_constants and protocol not in ("paper", "sofa-replay"):
+        settings = for_patients(settings, meshed.tissue_names)
+    _, summary = make_simulations(meshed, settings, out=out, scheduler=scheduler)
     say(summary.markdown())
     if summary.failed or summary.failed_steps:
         warn(f"{summary.failed} poses and {summary.failed_steps} steps failed; see {out}/poses.png")

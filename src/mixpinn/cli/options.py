@@ -17,6 +17,15 @@ if TYPE_CHECKING:
 Protocol = Annotated[str | None, typer.Option(help="paper, anatomy, small, tiny or sofa-replay.")]
 ProbeFile = Annotated[Path | None, typer.Option(help="Probe surface (.stl), tip at the origin, pointing to −y.")]
 Positions = Annotated[Path | None, typer.Option(help="File with one probe position a line.")]
+Rigid = Annotated[list[str] | None, typer.Option(help="A rigid structure; repeatable. Every bone in the crop.")]
+Target = Annotated[
+    list[str] | None, typer.Option(help="A rigid part that the crop follows; repeatable. Lumbar vertebrae."),
+]
+PaperParts = Annotated[bool, typer.Option("--paper-parts", help="Only lumbar vertebrae are rigid, as in the paper.")]
+Joints = Annotated[str | None, typer.Option(help="Joints between vertebrae: none, in-vitro or in-vivo-prone.")]
+Front = Annotated[str | None, typer.Option("--support", help="What the front rests on: anterior, table or free.")]
+Hold = Annotated[list[str] | None, typer.Option(help="A rigid part that is held in place; repeatable.")]
+Caps = Annotated[str | None, typer.Option(help="Caps of the crop: free, sliding or held.")]
 PaperConstants = Annotated[bool, typer.Option(help="Tissue constants of the paper's fields.")]
 MeshSource = Annotated[Path, typer.Argument(help="Folder that 'mixpinn mesh' wrote, or its mesh.vtu.")]
 Out = Annotated[Path, typer.Option("--out", "-o", help="Run directory; an unfinished run in it continues.")]
@@ -64,9 +73,25 @@ def load_mesh(source: Path) -> "TissueMesh":
     return mesh.load_mesh(source)
 
 
+def bone_options(rigid: list[str] | None, target: list[str] | None, paper_parts: bool) -> dict[str, Any]:
+    """Settings of the rigid parts from options; empty where none is given."""
+    given = {"rigid": rigid and tuple(rigid), "target": target and tuple(target), "paper_parts": paper_parts or None}
+    return {key: value for key, value in given.items() if value is not None}
+
+
+def restraint_options(
+    joints: str | None, front: str | None, hold: list[str] | None, caps: str | None,
+) -> dict[str, Any]:
+    """Settings of joints and supports from options; empty where none is given."""
+    support = {"front": front, "held": hold and tuple(hold), "caps": caps}
+    given = {key: value for key, value in support.items() if value is not None}
+    return ({"joints": joints} if joints is not None else {}) | ({"support": given} if given else {})
+
+
 def simulation_settings(
     config: Path | None, overrides: list[str] | None, *, protocol: str | None, probe: Path | None,
     positions: Path | None, paper_constants: bool, workers: int | None = None,
+    restraints: dict[str, Any] | None = None,
 ) -> "SimulationConfig":
     """Settings of the simulation from file and options."""
     from mixpinn.dataset import PROTOCOLS
@@ -79,5 +104,5 @@ def simulation_settings(
     return build_config(SimulationConfig, *settings_layers(
         config, overrides, protocol=protocol and asdict(PROTOCOLS[protocol]), probe=probe and str(probe),
         positions=positions and str(positions), workers=workers,
-        tissue=asdict(PAPER_TISSUE_CONFIG) if paper_constants else None,
+        tissue=asdict(PAPER_TISSUE_CONFIG) if paper_constants else None, **(restraints or {}),
     ))

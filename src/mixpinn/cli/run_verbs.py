@@ -9,16 +9,25 @@ import typer
 from mixpinn.base.config import build_config
 from mixpinn.cli.data_verbs import app, export_app, import_app
 from mixpinn.cli.options import (
+    Caps,
     Config,
+    Front,
+    Hold,
+    Joints,
     MeshSource,
     Out,
     PaperConstants,
+    PaperParts,
     Positions,
     ProbeFile,
     Protocol,
+    Rigid,
     Set,
+    Target,
     Threads,
+    bone_options,
     load_mesh,
+    restraint_options,
     settings_layers,
     simulation_settings,
 )
@@ -29,13 +38,18 @@ from mixpinn.cli.output import say
 def run(
     config: Annotated[Path, typer.Argument(help="Settings of all stages as TOML or JSON.")],
     out: Out,
+    joints: Joints = None,
+    support: Front = None,
+    hold: Hold = None,
+    caps: Caps = None,
     overrides: Set = None,
     threads: Threads = None,
 ) -> None:
     """The whole pipeline, from label maps to report; an interrupted run continues."""
     from mixpinn.pipeline import RunConfig, run_pipeline
 
-    run_pipeline(build_config(RunConfig, *settings_layers(config, overrides)), out=out, threads=threads)
+    settings = settings_layers(config, overrides, simulation=restraint_options(joints, support, hold, caps) or None)
+    run_pipeline(build_config(RunConfig, *settings), out=out, threads=threads)
 
 
 @app.command()
@@ -51,8 +65,15 @@ def onboard(
     source: Annotated[str, typer.Argument(help="Folder of label images, one multi-label image, or 'phantom'.")],
     out: Out,
     poses: Annotated[int | None, typer.Option(help="Poses to simulate and learn from; 0 stops at the prior.")] = None,
+    rigid: Rigid = None,
+    target: Target = None,
+    paper_parts: PaperParts = False,
     probe: ProbeFile = None,
     size: Annotated[float | None, typer.Option(help="Mesh size: 1 is the paper's, larger is coarser.")] = None,
+    joints: Joints = None,
+    support: Front = None,
+    hold: Hold = None,
+    caps: Caps = None,
     workers: Annotated[int | None, typer.Option(help="Processes; every core by default.")] = None,
     pictures: Annotated[bool, typer.Option(help="Render the deformed mesh.")] = True,
     config: Config = None,
@@ -62,8 +83,10 @@ def onboard(
     from mixpinn.pipeline import OnboardingConfig, onboard
     from mixpinn.stages.anatomy import source_settings
 
-    anatomy: dict[str, Any] = source_settings(source)
-    simulation = {"probe": probe and str(probe), "workers": workers}
+    anatomy: dict[str, Any] = {**source_settings(source), **bone_options(rigid, target, paper_parts)}
+    simulation = {
+        "probe": probe and str(probe), "workers": workers, **restraint_options(joints, support, hold, caps),
+    }
     settings = build_config(OnboardingConfig, *settings_layers(
         config, overrides, poses=poses, pictures=None if pictures else False,
         anatomy={**anatomy, "repair": source != "phantom"}, mesh={"size": size} if size else None,

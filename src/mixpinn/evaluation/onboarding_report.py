@@ -9,10 +9,19 @@ from matplotlib.figure import Figure
 from mixpinn.base.files import atomic_path
 
 
-def rounds_report(rounds: Sequence[Mapping[str, Any]], *, mesh_nodes: int) -> str:
-    """Markdown: when the predictor became usable, and its error on each round's poses before it learned from them."""
+def rounds_report(
+    rounds: Sequence[Mapping[str, Any]], *, mesh_nodes: int, body: Mapping[str, str] | None = None,
+) -> str:
+    """Markdown: when the predictor became usable, and its error on each round's poses before it learned from them.
+
+    Args:
+        rounds: what was reached when.
+        mesh_nodes: number of nodes.
+        body: what else the body is made of (parts, joints, supports), by what it is.
+    """
     prior = next((entry for entry in rounds if entry["stage"] == "prior"), None)
     lines = [f"# A predictor for one anatomy\n\nMesh of {mesh_nodes:,} nodes.\n"]
+    lines += [f"{what}: {text}.\n" for what, text in (body or {}).items()]
     if prior is not None:
         lines.append(
             f"The elastic prior could be used {prior['minutes']:.1f} minutes after the start, "

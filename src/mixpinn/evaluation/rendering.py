@@ -62,9 +62,8 @@ class Case:
 
     @property
     def centre(self) -> FloatArray:
-        """Point on which the cuts are centred [mm], shape (3,): the middle of the rigid parts, else of the mesh."""
-        rigid = self.mesh.part > 0
-        points: FloatArray = self.mesh.points[rigid] if rigid.any() else self.mesh.points
+        """Point on which the cuts are centred [mm], shape (3,): the middle of the targets, else of the mesh."""
+        points = self.mesh.target_points
         middle: FloatArray = (points.min(axis=0) + points.max(axis=0)) / 2.0
         return middle
 

@@ -1,6 +1,6 @@
 """Scene: everything that one simulated pose depends on, but for the pose itself."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -8,9 +8,11 @@ from mixpinn.base.errors import InputError
 from mixpinn.fem.contact.model import ContactConfig
 from mixpinn.fem.contact.surfaces import SkinSurface
 from mixpinn.fem.material.hyperelastic import DEFAULT_TISSUE, Material
+from mixpinn.fem.rigid.joint_presets import JointPreset, preset_joints, with_figures
 from mixpinn.fem.scene_record import scene_hash, scene_record
 from mixpinn.fem.solve.quasi_static import SolverConfig
 from mixpinn.geometry.probe_shapes import linear_probe
+from mixpinn.mesh.joint_frames import joint_frames
 from mixpinn.physics.foundation import Foundation
 from mixpinn.physics.joint_system import Joint, JointSystem
 from mixpinn.physics.restraints import Restraints
@@ -28,7 +30,7 @@ class Scene:
         contact: gap, friction and stiffness of contact.
         solver: tolerances and limits.
         skin: the surface that the probe can touch; None for the mesh's own skin.
-        joints: between rigid parts; by default none, and the parts float in the tissue.
+        joints: between rigid parts; by default none, and the parts float in the tissue (`joined` sets a preset's).
         foundations: under the skin; by default none, and the mesh's fixed nodes hold the body.
     """
 
@@ -59,6 +61,15 @@ class Scene:
                 fix="leave the joints out, or label the discs as the tissue around them: together they count twice",
             )
         JointSystem(self.joints, self.mesh.rigid_names, np.zeros((self.mesh.n_parts, 3)))  # refuses unknown parts
+
+    def joined(self, preset: JointPreset | str) -> "Scene":
+        """The scene with a preset's joints at the frames that the anatomy of the mesh gives.
+
+        Raises:
+            InputError: an unknown preset, no end plates where frames are sought, or discs labelled as a tissue.
+        """
+        frames = () if preset == JointPreset.NONE else joint_frames(self.mesh)
+        return replace(self, joints=preset_joints([frame for frame in frames if with_figures(frame)], preset))
 
     @property
     def restraints(self) -> Restraints:

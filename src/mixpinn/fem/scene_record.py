@@ -106,19 +106,3 @@ def recorded_restraints(record: Mapping[str, Any], where: str) -> Restraints:
     return Restraints.of_record(record, where)
 
 
-def refuse_joints(joints: Sequence[object], what: str) -> None:
-    """Refuse joints where something would leave them out without a word.
-
-    Args:
-        joints: of a scene, or the entries of its record.
-        what: what does not know joints yet.
-
-    Raises:
-        InputError: there are joints.
-    """
-    if joints:
-        raise InputError(
-            what, expected="a scene without joints between its rigid parts", got=f"{len(joints)} joints",
-            fix="it does not know joints yet and would predict parts that float: use the full solver "
-            "(mixpinn.solve_pose, mixpinn.simulate), or a scene without joints",
-        )

@@ -61,7 +61,7 @@ def _draw_inside(plotter: pv.Plotter, mesh: TissueMesh) -> None:
 
 
 def _draw_cut(plotter: pv.Plotter, mesh: TissueMesh) -> None:
-    centre = mesh.points[mesh.part > 0].mean(axis=0) if mesh.n_parts else mesh.points.mean(axis=0)
+    centre = mesh.target_points.mean(axis=0)
     plotter.add_mesh(
         mesh.grid().slice(normal="x", origin=centre), color=_TISSUE, show_edges=True, line_width=0.5, lighting=False,
     )

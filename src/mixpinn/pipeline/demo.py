@@ -15,7 +15,7 @@ DEMO = RunConfig(
     title="Demo: a probe pressed on a lumbar phantom",
     anatomy=AnatomyConfig(source="phantom"),
     mesh=MeshConfig(size=2.0),
-    simulation=SimulationConfig(protocol=replace(SMALL, max_positions=20, steps=10)),
+    simulation=SimulationConfig(protocol=replace(SMALL, max_positions=20, steps=10), joints="none"),
     models=ModelsConfig(
         names=("hybrid", "mixpinn", "simple-gat"), width="desk", scaling=Scaling.STANDARD,
         train=TrainConfig(learning_rate=2e-3, max_epochs=25),

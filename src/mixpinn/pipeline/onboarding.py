@@ -2,7 +2,7 @@
 
 import os
 import time
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +28,8 @@ from mixpinn.stages.evaluation import Background, EvaluationConfig, evaluate_mod
 from mixpinn.stages.hybrid import SPLIT_FILE, fit_pose_model, plain_pose_model, save_bundle
 from mixpinn.stages.mesh import MeshConfig, make_mesh
 from mixpinn.stages.prior import cached_prior
-from mixpinn.stages.simulation import SimulationConfig, begin_simulations, make_scene
+from mixpinn.stages.restraints import describe
+from mixpinn.stages.simulation import SimulationConfig, begin_simulations, for_patients, make_scene
 
 BUNDLE = "bundle"
 _ROUNDS = "rounds.json"
@@ -94,12 +95,16 @@ def onboard(config: OnboardingConfig, *, out: Path | str) -> Path:
     label_map = make_anatomy(config.anatomy, out=out / "anatomy").label_map
     read = clock.seconds()
     mesh = make_mesh(label_map, config.mesh, out=out / "mesh").mesh
-    model = _prior_bundle(make_scene(mesh, config.simulation), out / BUNDLE)
+    if config.anatomy.source != "phantom":
+        config = replace(config, simulation=for_patients(config.simulation, label_map.soft_names))
+    scene = make_scene(mesh, config.simulation)
+    model = _prior_bundle(scene, out / BUNDLE)
     clock.note({"stage": "prior", "minutes": clock.seconds() / 60.0, "after_labels": clock.seconds() - read})
     console.print(f"The elastic prior is ready: {out / BUNDLE} can be used; simulations make it better.")
     if config.poses:
         _learn(model, mesh, config, clock, out)
-    write_text(out / "onboarding.md", rounds_report(clock.rounds, mesh_nodes=mesh.n_points))
+    told = describe(scene.mesh, scene.restraints)
+    write_text(out / "onboarding.md", rounds_report(clock.rounds, mesh_nodes=mesh.n_points, body=told))
     draw_rounds(clock.rounds, out / "onboarding.png")
     finish_run(out, {"rounds": clock.rounds})
     return out / BUNDLE
@@ -129,7 +134,7 @@ def _learn(model: HybridModel, mesh: TissueMesh, config: OnboardingConfig, clock
         table = _samples_of(build_sample_table(store), ordered[seen:end])
         entry: dict[str, Any] = {"stage": f"{end} poses", "poses": end - seen, "samples": len(table)}
         for name, candidate in (("prior", model.prior), ("model", model)):
-            found = evaluate(candidate, table, mesh, split=f"poses {seen + 1} to {end}")
+            found = evaluate(candidate, table, scene.mesh, split=f"poses {seen + 1} to {end}")
             entry[f"{name}_mee"] = float(found.metrics["mee"].mean())
         entry["no_motion"] = float(found.metrics["mean_displacement"].mean())
         if end < len(ordered):

@@ -17,7 +17,7 @@ from mixpinn.stages.evaluation import Background, evaluate_models
 from mixpinn.stages.fit import fit_model
 from mixpinn.stages.mesh import MeshResult, make_mesh
 from mixpinn.stages.setup_tables import fidelity_table, findings_table, quality_table
-from mixpinn.stages.simulation import make_simulations
+from mixpinn.stages.simulation import for_patients, make_simulations
 from mixpinn.stages.training import load_samples
 from mixpinn.training import settle_arithmetic
 
@@ -66,8 +66,11 @@ def run_pipeline(config: RunConfig, *, out: Path | str, threads: int | None = No
     clock = _Clock(out / TIMES)
     anatomy = clock.measure("Anatomy", lambda: make_anatomy(config.anatomy, out=out / "anatomy"))
     meshed = clock.measure("Mesh", lambda: make_mesh(anatomy.label_map, config.mesh, out=out / "mesh"))
+    simulation = config.simulation
+    if config.anatomy.source != "phantom":
+        simulation = for_patients(simulation, anatomy.label_map.soft_names)
     store, summary = clock.measure(
-        "Simulation", lambda: make_simulations(meshed.mesh, config.simulation, out=out / "simulation"),
+        "Simulation", lambda: make_simulations(meshed.mesh, simulation, out=out / "simulation"),
     )
     console.print(summary.markdown())
     table, split = load_samples(store, config.split)

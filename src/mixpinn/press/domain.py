@@ -135,7 +135,7 @@ def _across(direction: FloatArray) -> FloatArray:
 
 
 def _extent(mesh: TissueMesh, direction: FloatArray) -> tuple[FloatArray, FloatArray]:
-    points = (mesh.points[mesh.part > 0] if mesh.n_parts else mesh.points) @ _across(direction).T
+    points = mesh.target_points @ _across(direction).T
     return points.min(axis=0), points.max(axis=0)
 
 

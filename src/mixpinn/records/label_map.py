@@ -26,6 +26,8 @@ class _About:
     soft_names: tuple[str, ...]
     rigid_names: tuple[str, ...]
     doubts: tuple[str, ...] = ()
+    cut_names: tuple[str, ...] = ()
+    target_names: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +42,8 @@ class LabelMap:
         soft_names: names of labels 1 … S; the first is the body.
         rigid_names: names of labels S+1 … S+K, ordered cranial to caudal.
         doubts: what was noticed while it was made (see `mixpinn.records.doubts`).
+        cut_names: rigid parts of which some lies outside the image.
+        target_names: rigid parts that are pressed on; empty where all are.
     """
 
     labels: AnyArray
@@ -48,6 +52,8 @@ class LabelMap:
     soft_names: tuple[str, ...]
     rigid_names: tuple[str, ...]
     doubts: tuple[str, ...] = ()
+    cut_names: tuple[str, ...] = ()
+    target_names: tuple[str, ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -66,7 +72,10 @@ class LabelMap:
 
     def hash(self) -> str:
         """Identity of the content."""
-        return hash_arrays(self.labels, self.affine)
+        named = [np.frombuffer(repr(names).encode(), dtype=np.uint8) for names in (
+            self.cut_names, self.target_names,
+        ) if names and set(names) != set(self.rigid_names)]
+        return hash_arrays(self.labels, self.affine, *named)
 
     def save(self, path: Path | str) -> None:
         """Write ``NAME.nii.gz`` (scanner frame, as any viewer expects) and beside it ``NAME.json``."""
@@ -78,7 +87,8 @@ class LabelMap:
             nib.save(image, temporary)
         write_json(sidecar(path), {
             "affine": self.affine, "world_to_scanner": self.world_to_scanner,
-            "soft_names": self.soft_names, "rigid_names": self.rigid_names,
+            "soft_names": self.soft_names, "rigid_names": self.rigid_names, "cut_names": self.cut_names,
+            "target_names": self.target_names,
             "doubts": self.doubts,
         })
         label_map_files(path).seal(path.parent, [path.name, sidecar(path).name])
@@ -106,7 +116,10 @@ class LabelMap:
             ) from error
         known = len(about.soft_names) + len(about.rigid_names)
         ArraySpec("index", ("i", "j", "k"), low=0, high=known).check(labels, str(path), extents={}, remake=_REMAKE)
-        return LabelMap(labels, affine, world_to_scanner, about.soft_names, about.rigid_names, about.doubts)
+        return LabelMap(
+            labels, affine, world_to_scanner, about.soft_names, about.rigid_names, about.doubts, about.cut_names,
+            about.target_names,
+        )
 
 
 def label_map_files(path: Path) -> Artefact:

@@ -53,6 +53,7 @@ class TissueMesh:
         world_to_scanner: world frame [mm] to the scanner's RAS frame [mm], shape (4, 4).
         order: 1 for linear four-node cells, 2 for quadratic ten-node cells.
         doubts: what was noticed about it and what it was made from (see `mixpinn.records.doubts`).
+        targets: rigid parts that are pressed on; empty where all are. Only where a probe goes depends on it.
 
     Raises:
         InputError: another order.
@@ -68,6 +69,7 @@ class TissueMesh:
     world_to_scanner: FloatArray = field(default_factory=lambda: np.linalg.inv(SCANNER_TO_WORLD))
     order: int = 1
     doubts: tuple[str, ...] = ()
+    targets: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if self.order not in (1, 2):
@@ -126,6 +128,14 @@ class TissueMesh:
     def node_fixed(self) -> BoolArray:
         """Nodes held in place, shape (n_nodes,); midpoints as `mid_edge_labels` has it."""
         return self.fixed if self.order == 1 else np.concatenate([self.fixed, mid_edge_labels(self)[1]])
+
+    @property
+    def target_points(self) -> FloatArray:
+        """Vertices of the rigid parts that are pressed on [mm]: of all where none is named; without parts, all."""
+        aimed = np.isin(self.part, [k for k, name in enumerate(self.rigid_names, start=1) if name in self.targets])
+        chosen = aimed if aimed.any() else self.part > 0
+        points: FloatArray = self.points[chosen] if chosen.any() else self.points
+        return points
 
     @cached_property
     def held_parts(self) -> BoolArray:
@@ -220,6 +230,7 @@ class TissueMesh:
                 "rigid_names": [_ascii(name) for name in self.rigid_names] or [""],
                 "tissue_names": [_ascii(name) for name in self.tissue_names],
                 "world_to_scanner": self.world_to_scanner.ravel(), **packed(self.doubts),
+                **({"targets": [_ascii(name) for name in self.targets]} if self.targets else {}),
             },
         )
 
@@ -267,6 +278,7 @@ class TissueMesh:
             grid.cell_data["tissue"], tuple(_text(name) for name in data["tissue_names"]),
             np.asarray(data["world_to_scanner"], dtype=np.float64).reshape(4, 4), order,
             unpacked(data.get("doubts", ())),
+            tuple(_text(name) for name in data.get("targets", ())),
         )
         if nodes is not None and not (
             cells.max() < n and mesh.n_nodes == len(points) and np.array_equal(mesh.cell_nodes, nodes)

@@ -80,17 +80,17 @@ class ContactSystem:
 
 
 def probed_nodes(mesh: TissueMesh, *, margin: float = 60.0) -> IntArray:
-    """Free skin nodes that a probe on the back may touch: those that face backwards, over the rigid parts.
+    """Free skin nodes that a probe on the back may touch: those that face backwards, over the targets.
 
     Args:
         mesh: the mesh.
-        margin: how far beyond the rigid parts' extent along x and z nodes still count [mm].
+        margin: how far beyond the targets' extent along x and z nodes still count [mm].
     """
     a, b, c = (mesh.points[mesh.skin_faces[:, corner]] for corner in range(3))
     backwards = mesh.skin_node_faces[np.cross(b - a, c - a)[:, 1] > 0.0]
     nodes = np.unique(backwards)
     nodes = nodes[~mesh.node_fixed[nodes]]
-    rigid = mesh.points[mesh.part > 0] if mesh.n_parts else mesh.points
+    rigid = mesh.target_points
     low, high = rigid.min(axis=0) - margin, rigid.max(axis=0) + margin
     points = mesh.node_points[nodes]
     over = ((points >= low) & (points <= high))[:, [0, 2]].all(axis=1)

@@ -4,7 +4,7 @@ import contextlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Literal
+from typing import Literal, TypedDict
 
 import numpy as np
 
@@ -37,9 +37,11 @@ class AnatomyConfig:
         names: name table of a multi-label image, or ``total`` or ``total-v1``; by default the names in the image's
             header, and without them TotalSegmentator's task "total".
         body: name of the body, or a file; by default found by name.
-        rigid: names of the rigid parts; by default every lumbar vertebra there is.
+        rigid: names of the rigid parts; by default every bone of the maps that lies inside the crop.
+        target: rigid parts that the crop and the probe positions follow; by default the lumbar vertebrae.
+        paper_parts: of the bones only the lumbar vertebrae are rigid, as in the paper; the others are soft tissue.
         soft: names of further soft tissues.
-        crop_above, crop_below: margins of the crop about the rigid parts [mm].
+        crop_above, crop_below: margins of the crop about the targets [mm].
         repair: whether to mend what the label check finds.
         accept: kinds of finding that rest on what is usual and are refused otherwise, taken as warnings: ``affine``,
             ``scale``, ``direction``, ``numbering``, ``cut off``.
@@ -52,6 +54,8 @@ class AnatomyConfig:
     names: str | None = None
     body: str | None = None
     rigid: tuple[str, ...] | None = None
+    target: tuple[str, ...] | None = None
+    paper_parts: bool = False
     soft: tuple[str, ...] = ()
     crop_above: float = CROP_ABOVE
     crop_below: float = CROP_BELOW
@@ -141,20 +145,34 @@ def _path(config: AnatomyConfig) -> str:
 def _inputs(config: AnatomyConfig) -> Mapping[str, Path | str]:
     """The files that the result depends on, by structure."""
     if config.source == "folder":
-        return select_files(_path(config), body=config.body, rigid=config.rigid, soft=config.soft).files()
+        return select_files(_path(config), **_roles(config)).files()
     if config.source == "multilabel":
         files = {"labels": _path(config), "names": config.names, "body": config.body}
         return {key: path for key, path in files.items() if path is not None and Path(path).is_file()}
     return {}
 
 
+class _Roles(TypedDict):
+    body: str | None
+    rigid: tuple[str, ...] | None
+    soft: tuple[str, ...]
+    target: tuple[str, ...] | None
+    lumbar_only: bool
+
+
+def _roles(config: AnatomyConfig) -> _Roles:
+    """Which structure plays which role, as the readers take it."""
+    return {
+        "body": config.body, "rigid": config.rigid, "soft": config.soft, "target": config.target,
+        "lumbar_only": config.paper_parts,
+    }
+
+
 def _read(config: AnatomyConfig) -> Segmentation:
     if config.source == "folder":
-        return read_folder(_path(config), body=config.body, rigid=config.rigid, soft=config.soft)
+        return read_folder(_path(config), **_roles(config))
     if config.source == "multilabel":
-        return read_multilabel(
-            _path(config), names=config.names, body=config.body, rigid=config.rigid, soft=config.soft,
-        )
+        return read_multilabel(_path(config), names=config.names, **_roles(config))
     return phantom_segmentation(
         config.phantom, rng=None if config.seed is None else np.random.default_rng(config.seed),
     )
@@ -166,12 +184,12 @@ def _compute(config: AnatomyConfig) -> AnatomyResult:
     segmentation = crop(source, above=config.crop_above, below=config.crop_below)
     doubts = check_plausible(segmentation)
     require_sound([finding for finding in doubts if finding.kind == "scale"], accept=config.accept)
-    findings = (*source.notes, *doubts, *check(segmentation))
+    findings = (*segmentation.notes, *doubts, *check(segmentation))
     if config.repair:
         mended, repairs = repair(segmentation)
         # Islands may have widened the crop: it is taken anew, and what is left is looked for in what is kept.
         segmentation = crop(mended, above=config.crop_above, below=config.crop_below)
-        left = (*source.notes, *check_plausible(segmentation), *check(segmentation))
+        left = (*segmentation.notes, *check_plausible(segmentation), *check(segmentation))
         findings = (*repairs, *left, *_hidden(findings, left))
     require_sound(findings, accept=config.accept)
     lasting = tuple(finding.doubt for finding in findings if finding.lasting)

@@ -23,6 +23,7 @@ from mixpinn.evaluation import (
     typical_sample,
     write_report,
 )
+from mixpinn.evaluation.body_picture import draw_body
 from mixpinn.fem import Material
 from mixpinn.fem.scene_record import BUILT_IN
 from mixpinn.records import Evaluation, SampleTable, TissueMesh
@@ -30,8 +31,10 @@ from mixpinn.records.answer import discretisation_of
 from mixpinn.reduced.newton_steps import NewtonSteps
 from mixpinn.serving import AnyPredictor, HybridPredictor, Predictor, load_predictor
 from mixpinn.stages.prior import cached_prior
+from mixpinn.stages.restraints import describe
 from mixpinn.stages.training import choose_samples
 
+BODY_PICTURE = "body.png"
 REPORT, WEIGHTS = "report.html", ("weights.safetensors", "hybrid.safetensors")
 
 TITLES = {"mixpinn": "MIXPINN", "simple-gat": "Simple GAT", "physgnn": "PhysGNN"}
@@ -143,6 +146,9 @@ def evaluate_models(
             probe=store.probe(),
         )
         pictures, note = render_pictures(case, out)
+        with contextlib.suppress(InputError):  # joints of one's own law are not read back
+            draw_body(mesh, store.restraints(), out / BODY_PICTURE)
+            pictures = (*pictures, Picture(out / BODY_PICTURE, "Tissues, bones, joints and supports of this body."))
     histories = {Path(folder) / "history.csv": candidates[-len(models) + i].name for i, folder in enumerate(models)}
     report = write_report(out, ReportContent(
         title=background.title, evaluations=tuple(evaluations), introduction=background.introduction,
@@ -204,6 +210,8 @@ def _protocol(store: SimulationStore, tissues: Sequence[str]) -> dict[str, str]:
     protocol, told = store.protocol, {}
     with contextlib.suppress(InputError):  # of recordings and materials of one's own not all is known
         told = {f"Tissue: {name}": constants(m) for name, m in zip(tissues, store.materials(), strict=True)}
+    with contextlib.suppress(InputError):
+        told |= describe(store.mesh(), store.restraints())
     with contextlib.suppress(InputError):
         contact = store.contact()
         told["Contact"] = f"Coulomb friction {contact.friction}, gap {contact.gap} mm"

@@ -1,5 +1,6 @@
 """The stage: label map, surfaces or ready mesh in; labelled mesh, its table, quality, fidelity and picture out."""
 
+import contextlib
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -21,6 +22,8 @@ from mixpinn.mesh.checks.fidelity import MeshFidelity, mesh_fidelity
 from mixpinn.mesh.checks.quality import MeshQuality, mesh_quality
 from mixpinn.mesh.checks.statistics import MeshStatistics, mesh_statistics
 from mixpinn.mesh.import_vtu import import_vtu
+from mixpinn.mesh.joint_frames import joint_frames
+from mixpinn.mesh.joint_picture import draw_joint_frames
 from mixpinn.mesh.meshers.cgal_mesher import CgalMesher
 from mixpinn.mesh.meshers.grading import Grading, SizingField
 from mixpinn.mesh.meshers.mesher import Mesher, Sizing, has_cgal
@@ -29,13 +32,14 @@ from mixpinn.mesh.picture import draw_mesh
 from mixpinn.mesh.surfaces.check_surface import check_surfaces
 from mixpinn.mesh.surfaces.extract import SurfaceConfig, extract_surfaces
 from mixpinn.mesh.surfaces.surface import DomainSurfaces
+from mixpinn.records.joint_frame import JOINTS_FILE, save_joint_frames
 from mixpinn.records.label_map import LabelMap, sidecar
 from mixpinn.records.tissue_mesh import MESH_FILE, TissueMesh
 from mixpinn.stages.anatomy import LABELS_FILE
 
 T = TypeVar("T")
 MESH_RUN = Artefact("mesh", 1, "run 'mixpinn mesh' into another folder")
-MESH_RUN_FILES = (MESH_FILE, "statistics.json", "quality.json", "fidelity.json", "statistics.md")
+MESH_RUN_FILES = (MESH_FILE, "statistics.json", "quality.json", "fidelity.json", "statistics.md", JOINTS_FILE)
 
 _LONGEST = 1.6
 """Longest edges of a mesh over the length that the mesher was asked for: longer ones are halved."""
@@ -203,6 +207,12 @@ def make_mesh(
         write_json(out / "fidelity.json", result.fidelity)
         report += "\n" + result.fidelity.markdown()
     write_text(out / "statistics.md", report)
+    if not isinstance(source, Path | str):
+        with contextlib.suppress(InputError):  # no end plates, no frames: a scene that wants them says so
+            frames = joint_frames(result.mesh)
+            save_joint_frames(frames, out / JOINTS_FILE)
+            if config.picture and frames:
+                draw_joint_frames(result.mesh, frames, out / "joints.png")
     MESH_RUN.seal(out, [name for name in MESH_RUN_FILES if (out / name).is_file()])
     if config.picture:
         try:

@@ -1,6 +1,7 @@
 """The simulation stage: a mesh and a protocol in, a store of simulated poses out."""
 
 import os
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Literal
@@ -34,11 +35,19 @@ from mixpinn.fem import (
     scene_hash,
     scene_record,
 )
-from mixpinn.fem.scene_record import refuse_joints
 from mixpinn.geometry.probe_shapes import linear_probe
 from mixpinn.physics.restraints import JOINTS
 from mixpinn.records import Probe, TissueMesh
 from mixpinn.records.probe import check_probe
+from mixpinn.stages.restraints import (
+    AS_MESHED,
+    JointChoice,
+    SupportConfig,
+    joints_between,
+    settings_of_restraints,
+    settled_joints,
+    supported,
+)
 
 STORE = "store"
 Energy = Literal["stable", "stable-log", "linear"]
@@ -116,6 +125,10 @@ class SimulationConfig:
         solver: tolerance and limits.
         workers: processes; 0 takes every core.
         timeout: a worker that finishes no step for so long is ended, and its pose tried once more [s].
+        joints: between vertebrae that follow each other: ``none``, ``in-vitro`` or ``in-vivo-prone``. ``auto`` is
+            in-vivo-prone where label maps were meshed (not where discs are among the tissues), else none.
+        joint_frames: file of joint frames instead of those that the anatomy gives.
+        support: what the body rests on.
     """
 
     tissue: TissueConfig = field(default_factory=TissueConfig)
@@ -127,6 +140,9 @@ class SimulationConfig:
     solver: SolverConfig = field(default_factory=lambda: SolverConfig(threads=1))
     workers: int = 0
     timeout: float = STEP_TIMEOUT
+    joints: JointChoice = "auto"
+    joint_frames: str | None = None
+    support: SupportConfig = AS_MESHED
 
     def __post_init__(self) -> None:
         require_settings(self, "simulation", positive(self, "timeout"))
@@ -137,10 +153,10 @@ class SimulationConfig:
 
 
 def make_scene(mesh: TissueMesh, config: SimulationConfig) -> Scene:
-    """The scene of `config` on `mesh`.
+    """The scene of `config` on `mesh`; where the support says so, other nodes of its mesh are fixed.
 
     Raises:
-        InputError: a tissue that the mesh does not have, or an unreadable probe.
+        InputError: a tissue or a part that the mesh does not have, no frames for joints, or an unreadable probe.
     """
     unknown = sorted(set(config.tissues) - set(mesh.tissue_names))
     if unknown:
@@ -151,23 +167,33 @@ def make_scene(mesh: TissueMesh, config: SimulationConfig) -> Scene:
     materials = tuple(config.tissues.get(name, config.tissue).material() for name in mesh.tissue_names)
     probe = linear_probe() if config.probe is None else Probe.load(config.probe)
     check_probe(probe)
-    return Scene(mesh, probe, materials, config.contact, config.solver)
+    mesh, foundations = supported(mesh, config.support)
+    joints = joints_between(mesh, config.joints, frames=config.joint_frames)
+    return Scene(
+        mesh, probe, materials, config.contact, config.solver, joints=joints, foundations=foundations,
+    )
+
+
+def for_patients(config: SimulationConfig, soft_names: Sequence[str]) -> SimulationConfig:
+    """`config` with what `auto` means for the meshed label maps of a patient, whose soft tissues have these names."""
+    return replace(config, joints=settled_joints(config.joints, soft_names))
 
 
 def settings_of(store: SimulationStore) -> SimulationConfig:
     """Settings that simulate another protocol with the tissue and the contact of `store`.
 
     Raises:
-        InputError: they are not recorded, or the simulations have joints, which are no settings yet.
+        InputError: they are not recorded, or joints or foundations are none that settings can name.
     """
-    refuse_joints(store.scene.get(JOINTS, ()), "further simulations with the settings of a store")
-    names, solver = store.mesh().tissue_names, dict(store.scene.get("solver", {}))
+    mesh, solver = store.mesh(), dict(store.scene.get("solver", {}))
+    names = mesh.tissue_names
     solver.pop("kind", None)
+    choice, support = settings_of_restraints(mesh, store.restraints())
     return SimulationConfig(
         tissues={
             name: TissueConfig.of_material(material) for name, material in zip(names, store.materials(), strict=True)
         },
-        protocol=store.protocol, contact=store.contact(),
+        protocol=store.protocol, contact=store.contact(), joints=choice, support=support,
         solver=build_config(SolverConfig, {"threads": 1}, solver),
     )
 
@@ -213,12 +239,15 @@ def begin_simulations(
     """
     own_probe = {} if scene is None else {"probe": scene.probe.hash()}
     scene = scene or make_scene(mesh, config)
-    record = scene_record(scene)
+    mesh, record = scene.mesh, scene_record(scene)
     own_joints = {} if not scene.joints else {"joints": scene_hash({JOINTS: record[JOINTS]}, mesh.hash())}
     inputs = {name: path for name, path in (("probe", config.probe), ("positions", config.positions)) if path}
     settings = asdict(config)
     for later in ("workers", "timeout"):  # decide when, not what
         del settings[later]
+    for name, usual in (("joints", "auto"), ("joint_frames", None), ("support", asdict(AS_MESHED))):
+        if settings[name] == usual:  # as runs have them that were begun before there was such a setting
+            del settings[name]
 
     def start() -> None:
         hashes = {"mesh": mesh.hash(), **own_probe, **own_joints}

@@ -9,6 +9,7 @@ from mixpinn.base.errors import InputError
 from mixpinn.base.rundir import finish_run, is_finished, run_scope, start_run
 from mixpinn.dataset import SOFA_REPLAY, Pose, SimulationStore, probe_path, read_positions, summarise
 from mixpinn.interop import SofaConstants, SofaSettings, export_sofa_scene, import_sofa
+from mixpinn.physics.restraints import FREE
 from mixpinn.records import TissueMesh
 from mixpinn.stages.simulation import STORE, SimulationConfig, make_scene, plan
 
@@ -20,9 +21,19 @@ def export_sofa(mesh: TissueMesh, config: SimulationConfig, *, out: Path | str) 
         Path of ``scene.py``.
 
     Raises:
-        InputError: a tissue that SOFA's Stable Neo-Hookean does not describe.
+        InputError: a tissue that SOFA's Stable Neo-Hookean does not describe, joints, foundations or held parts.
     """
     scene = make_scene(mesh, config)
+    mesh = scene.mesh
+    if scene.restraints != FREE:
+        raise InputError(
+            "export to SOFA", expected="a scene without joints and foundations", got="one with them",
+            fix="give --joints none and --support anterior: the exported scene would leave them out",
+        )
+    if mesh.held_parts.any():
+        raise InputError(
+            "export to SOFA", expected="rigid parts that move", got="held ones", fix="set support.cut to free",
+        )
     tissues = [config.tissues.get(name, config.tissue) for name in mesh.tissue_names]
     if any(tissue.energy != "stable" for tissue in tissues):
         raise InputError(

@@ -145,7 +145,8 @@ def _prior(name: str, mesh: TissueMesh, samples: SampleTable, config: ProfileCon
     import torch
 
     nodes = np.unique(samples.contact_nodes)
-    prior = ElasticPrior.build(mesh, make_scene(mesh, config.simulation).materials, nodes=nodes)
+    scene = make_scene(mesh, config.simulation)
+    prior = ElasticPrior.build(scene.mesh, scene.materials, nodes=nodes, restraints=scene.restraints)
     torch.set_num_threads(config.threads)
     seconds = []
     for turn in range(-2, config.repeats):

@@ -95,6 +95,20 @@ scatter between specimens (A. L. Nachemson, A. B. Schultz, M. H. Berkson, Mechan
 motion segments: influences of age, sex, disc level, and degeneration, Spine 1979, abstract).
 """
 
+WILKE = (
+    "H.-J. Wilke et al., In vitro analysis of the segmental flexibility of the thoracic spine, PLoS ONE 12, 2017, "
+    "e0177823 (abstract)"
+)
+THORACIC: tuple[SourcedStiffness, ...] = (
+    *IN_VITRO[:3],
+    _turn("flexion-extension", 2.1, 1.9, 2.5, f"{WILKE}: 15 N m over a range of 6-8°"),
+    _turn("lateral bending", 1.8, 1.7, 1.9, f"{WILKE}: 15 N m over a range of 8-9°"),
+    _turn("torsion", 2.0, 1.9, 2.1, f"{WILKE}: 15 N m over a range of 7-8° (T10-T12)"),
+)
+"""The same of the lower thoracic segments, T7-T8 to T11-T12, with the joints of their ribs: mean slopes of the whole
+range at ± 7.5 N m, which the lax middle makes smaller than slopes at its end. Shear and axial stiffness are those of
+the lumbar table: none were found for the thoracic spine."""
+
 PRELOAD_FACTOR = 1.71
 """Mean factor of the stiffnesses under 250 N of axial preload against none, 2.11 under 500 N: Gardner-Morse, Stokes."""
 
@@ -113,11 +127,12 @@ FACTORS: Mapping[str, str] = {
     "lateral bending": f"× {PRELOAD_FACTOR}: {GARDNER_MORSE}",
     "torsion": f"× {PRELOAD_FACTOR}: {GARDNER_MORSE}",
 }
-"""What `in-vivo-prone` scales, and why. Lee et al. bend the spine in the sagittal plane alone, and so only that
-stiffness is fitted to it; nothing measured in vivo was found for the others."""
+"""What `in-vivo-prone` scales, and why; thoracic levels alike. Lee et al. bend the spine in the sagittal plane alone:
+only that stiffness is fitted to it; nothing measured in vivo was found for the others."""
 
 _FLEXION = 3
-_LEVELS = ("T12", "L1", "L2", "L3", "L4", "L5", "S1")
+_LEVELS = ("T7", "T8", "T9", "T10", "T11", "T12", "L1", "L2", "L3", "L4", "L5", "S1")
+_FIRST_LUMBAR = _LEVELS.index("T12")
 
 
 def preset_joints(frames: Sequence[JointFrame], preset: JointPreset | str) -> tuple[Joint, ...]:
@@ -128,8 +143,8 @@ def preset_joints(frames: Sequence[JointFrame], preset: JointPreset | str) -> tu
         preset: or its name.
 
     Raises:
-        InputError: an unknown preset, a level between T12 and the sacrum that it is not, or, in vivo, a frame whose
-            bodies' spacing is not known.
+        InputError: an unknown preset, a pair that has no figures (`with_figures`), or, in vivo, a frame whose bodies'
+            spacing is not known.
     """
     try:
         chosen = JointPreset(preset)
@@ -142,14 +157,20 @@ def preset_joints(frames: Sequence[JointFrame], preset: JointPreset | str) -> tu
     return tuple(Joint(frame, LinearBushing.of_diagonal(_stiffness(frame, chosen))) for frame in frames)
 
 
-def _stiffness(frame: JointFrame, preset: JointPreset) -> list[float]:
+def with_figures(frame: JointFrame) -> bool:
+    """Whether the presets have figures for the joint: two neighbours from T7 to the sacrum."""
     levels = [_level(name) for name in (frame.first, frame.second)]
-    if None in levels or abs(_LEVELS.index(str(levels[0])) - _LEVELS.index(str(levels[1]))) != 1:
+    return None not in levels and abs(_LEVELS.index(str(levels[0])) - _LEVELS.index(str(levels[1]))) == 1
+
+
+def _stiffness(frame: JointFrame, preset: JointPreset) -> list[float]:
+    if not with_figures(frame):
         raise InputError(
-            f"joint {frame.name}", expected="two neighbours from T12 to the sacrum, for which the preset has figures",
+            f"joint {frame.name}", expected="two neighbours from T7 to the sacrum, for which the preset has figures",
             got="another pair", fix="leave this joint out, or give it a law of its own (Joint(frame, law))",
         )
-    values = [entry.value for entry in IN_VITRO]
+    upper = min(_LEVELS.index(str(_level(name))) for name in (frame.first, frame.second))
+    values = [entry.value for entry in (IN_VITRO if upper >= _FIRST_LUMBAR else THORACIC)]
     if preset is JointPreset.IN_VITRO:
         return values
     if frame.spacing <= 0.0:

@@ -24,7 +24,8 @@ def label_mesh(
 
     A node on the mesh's boundary belongs to the structure whose surface is nearest: the skin, which is soft, or a
     rigid part. Inner nodes are soft. A cell belongs to the soft tissue that `label_map` has at its centroid. Fixed are
-    the nodes in the region that the body's surface defines, whatever the mesh.
+    the nodes in the region that the body's surface defines, whatever the mesh, and those of rigid parts that the crop
+    has cut.
 
     Args:
         points: [mm], shape (n, 3).
@@ -49,9 +50,19 @@ def label_mesh(
     if label_map is not None:
         mesh = replace(
             mesh, tissue=cell_tissue(points[cells].mean(axis=1), label_map), tissue_names=label_map.soft_names,
-            world_to_scanner=label_map.world_to_scanner, doubts=label_map.doubts,
+            world_to_scanner=label_map.world_to_scanner, doubts=label_map.doubts, targets=_targets(label_map),
         )
-    return replace(mesh, fixed=fixed_nodes(mesh, region=FixedRegion.of(surfaces.body.points)))
+    held = [] if label_map is None else [
+        k for k, name in enumerate(surfaces.rigid_names, start=1) if name in label_map.cut_names
+    ]
+    fixed = fixed_nodes(mesh, region=FixedRegion.of(surfaces.body.points)) | np.isin(part, held)
+    return replace(mesh, fixed=fixed)
+
+
+def _targets(label_map: LabelMap) -> tuple[str, ...]:
+    """The targets where they are not all rigid parts."""
+    every = set(label_map.target_names) == set(label_map.rigid_names)
+    return () if every else label_map.target_names
 
 
 def nearest_part(points: FloatArray, cells: AnyArray, surfaces: DomainSurfaces) -> AnyArray:
