@@ -1,13 +1,13 @@
 """What the paper's simplification of the anatomy does: force and vertebra motions with joints, supports and layers.
 
 ``python -m benchmarks.anatomy_effects`` presses the probe at three positions on the back of the paper's mesh (rotation
-0°) and reads force and vertebra motion at 5, 10, 15 and 20 mm, for the paper's set-up (one tissue, vertebrae that float,
-a fixed front), with joints, with other supports, and with a layer of fat. Linear cells on the paper's mesh: differences
-between set-ups are what is asked for, not the force itself, which this mesh makes too large.
+0°) and reads force and vertebra motion at 5, 10, 15 and 20 mm, for the paper's set-up (one tissue, vertebrae that
+float, a fixed front), with joints, with other supports, and with a layer of fat. Linear cells on the paper's mesh:
+differences between set-ups are what is asked for, not the force itself, which this mesh makes too large.
 
 The maps of this patient hold no bone but L1 to L5 and no layers: that L5 is held stands for a pelvis, and the layer of
-fat, all tissue within 15 mm of the skin, is synthetic. ``--results FOLDER`` writes the tables as Markdown and JSON; every
-solve is kept in the cache (``MIXPINN_CACHE``).
+fat, all tissue within 15 mm of the skin, is synthetic. ``--results FOLDER`` writes the tables as Markdown and JSON;
+every solve is kept in the cache (``MIXPINN_CACHE``).
 """
 
 import argparse

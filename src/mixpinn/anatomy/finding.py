@@ -58,6 +58,8 @@ class Finding:
     @property
     def lasting(self) -> bool:
         """Whether it stays with what is made of the anatomy: what is left, and a rigid part that is not as it was."""
+        if self.kind == "part":
+            return not self.detail.startswith("rigid: ")
         return not self.repaired or self.kind not in ("hole", "touch")
 
     @property

@@ -66,7 +66,7 @@ def make_phantom(config: PhantomConfig | None = None, *, rng: np.random.Generato
     Raises:
         InputError: the dimensions make no phantom: not positive, vertebrae that meet, or that leave the torso.
     """
-    return place_in_frame(crop(phantom_segmentation(config, rng=rng)))
+    return replace(place_in_frame(crop(phantom_segmentation(config, rng=rng))), phantom=True)
 
 
 def tiny_phantom() -> LabelMap:

@@ -28,6 +28,7 @@ class _About:
     doubts: tuple[str, ...] = ()
     cut_names: tuple[str, ...] = ()
     target_names: tuple[str, ...] = ()
+    phantom: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +45,7 @@ class LabelMap:
         doubts: what was noticed while it was made (see `mixpinn.records.doubts`).
         cut_names: rigid parts of which some lies outside the image.
         target_names: rigid parts that are pressed on; empty where all are.
+        phantom: whether it is no patient's, but built.
     """
 
     labels: AnyArray
@@ -54,6 +56,7 @@ class LabelMap:
     doubts: tuple[str, ...] = ()
     cut_names: tuple[str, ...] = ()
     target_names: tuple[str, ...] = ()
+    phantom: bool = False
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -88,7 +91,7 @@ class LabelMap:
         write_json(sidecar(path), {
             "affine": self.affine, "world_to_scanner": self.world_to_scanner,
             "soft_names": self.soft_names, "rigid_names": self.rigid_names, "cut_names": self.cut_names,
-            "target_names": self.target_names,
+            "target_names": self.target_names, "phantom": self.phantom,
             "doubts": self.doubts,
         })
         label_map_files(path).seal(path.parent, [path.name, sidecar(path).name])
@@ -118,7 +121,7 @@ class LabelMap:
         ArraySpec("index", ("i", "j", "k"), low=0, high=known).check(labels, str(path), extents={}, remake=_REMAKE)
         return LabelMap(
             labels, affine, world_to_scanner, about.soft_names, about.rigid_names, about.doubts, about.cut_names,
-            about.target_names,
+            about.target_names, about.phantom,
         )
 
 

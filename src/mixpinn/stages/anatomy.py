@@ -193,7 +193,8 @@ def _compute(config: AnatomyConfig) -> AnatomyResult:
         findings = (*repairs, *left, *_hidden(findings, left))
     require_sound(findings, accept=config.accept)
     lasting = tuple(finding.doubt for finding in findings if finding.lasting)
-    return AnatomyResult(replace(place_in_frame(segmentation), doubts=lasting), findings)
+    label_map = replace(place_in_frame(segmentation), doubts=lasting, phantom=config.source == "phantom")
+    return AnatomyResult(label_map, findings)
 
 
 def _hidden(before: Sequence[Finding], after: Sequence[Finding]) -> Iterator[Finding]:

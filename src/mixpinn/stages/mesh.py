@@ -207,7 +207,7 @@ def make_mesh(
         write_json(out / "fidelity.json", result.fidelity)
         report += "\n" + result.fidelity.markdown()
     write_text(out / "statistics.md", report)
-    if not isinstance(source, Path | str):
+    if isinstance(source, LabelMap) and not source.phantom:
         with contextlib.suppress(InputError):  # no end plates, no frames: a scene that wants them says so
             frames = joint_frames(result.mesh)
             save_joint_frames(frames, out / JOINTS_FILE)
