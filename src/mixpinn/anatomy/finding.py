@@ -10,6 +10,7 @@ from mixpinn.records.doubts import REPAIRED
 Kind = Literal[
     "order", "island", "hole", "touch", "overlap", "outside", "exposed", "cut off", "affine", "grid", "values", "scale",
     "direction", "numbering", "size", "missing", "table", "part",
+    "layer",
 ]
 ACCEPTABLE: tuple[Kind, ...] = ("affine", "scale", "direction", "numbering", "cut off")
 """Kinds of error that rest on what is usual, and that a user who knows better may accept by name."""
@@ -37,8 +38,8 @@ class Finding:
             that differ), "values" (labels that were rounded), "scale" (lengths of no human body), "direction" (the
             spine lies in front), "numbering" (structures that are not what the name table calls them), "size" (a
             vertebra unlike its neighbours), "missing" (a vertebra that should be there, or one too many), "table"
-            (something behind the back that belongs to the body's mask), "part" (nothing wrong: what a bone is taken
-            as).
+            (something behind the back that belongs to the body's mask), "part" and "layer" (nothing wrong: what a
+            bone is taken as, and what of a tissue a mesh can hold).
         structure: its name, or two names joined by " and ".
         detail: what was seen, in words.
         voxels: how many voxels are concerned.
@@ -68,7 +69,7 @@ class Finding:
         return (REPAIRED if self.repaired else "") + f"{self.structure}: {self.kind}: {self.detail}"
 
     def __str__(self) -> str:
-        if self.kind == "part":
+        if self.kind in ("part", "layer"):
             return f"{self.structure}: {self.detail}"
         state = "repaired" if self.repaired else "error" if self.error else "warning"
         return f"{state}: {self.structure}: {self.kind}: {self.detail}"

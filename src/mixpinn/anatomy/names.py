@@ -73,6 +73,20 @@ def is_bone(name: str) -> bool:
     return _VERTEBRA.match(name) is not None or _BONES.match(name) is not None
 
 
+_GROUPS: tuple[tuple[str, str], ...] = (
+    ("disc", r"(intervertebral_)?dis[ck]s?(_.*)?"),
+    ("fat", r"((subcutaneous|torso|intermuscular|visceral)_)?(fat|adipose)(_.*)?"),
+    ("muscle", r"(skeletal_)?muscles?(_.*)?|(autochthon|iliopsoas|gluteus_(maximus|medius|minimus))(_left|_right)?"),
+    ("organ", r"spleen|kidney(_cyst)?_(left|right)|gallbladder|liver|stomach|pancreas|adrenal_gland_(left|right)"
+              r"|small_bowel|duodenum|colon|urinary_bladder|prostate|esophagus"),
+)
+
+
+def tissue_group(name: str) -> str | None:
+    """``fat``, ``muscle``, ``organ`` or ``disc`` for a soft tissue, mostly as TotalSegmentator calls them."""
+    return next((group for group, pattern in _GROUPS if re.fullmatch(pattern, name, re.IGNORECASE)), None)
+
+
 def spine_rank(name: str) -> int | None:
     """Place along the spine, counted from the head; None where the name says nothing of it."""
     if name.lower() in ("sacrum", "coccyx"):

@@ -18,7 +18,7 @@ from mixpinn.anatomy.images.lattice import on_lattice
 from mixpinn.anatomy.name_table import read_names
 from mixpinn.anatomy.names import TOTAL_CLASSES, unknown_structure
 from mixpinn.anatomy.segmentation import Index3, Segmentation, Structure
-from mixpinn.anatomy.select import check_roles, find_body, select_files
+from mixpinn.anatomy.select import check_roles, find_body, select_files, with_layers
 from mixpinn.base.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from mixpinn.base.errors import InputError
 from mixpinn.base.progress import track
@@ -29,7 +29,7 @@ _TRUNK = 1
 
 def read_folder(
     folder: Path | str, *, body: Path | str | None = None, rigid: Sequence[str] | None = None, soft: Sequence[str] = (),
-    target: Sequence[str] | None = None, lumbar_only: bool = False,
+    target: Sequence[str] | None = None, lumbar_only: bool = False, layers: bool = False,
 ) -> Segmentation:
     """Read a folder with one binary NIfTI a structure, named after it (TotalSegmentator's layout).
 
@@ -41,12 +41,13 @@ def read_folder(
         soft: names of further soft tissues inside the body.
         target: the rigid parts that the crop follows; by default the lumbar vertebrae.
         lumbar_only: of the bones only the lumbar vertebrae are rigid, as in the paper.
+        layers: take every fat, muscle and disc there is as a soft tissue.
 
     Raises:
         InputError: a structure is missing, empty, damaged, not a binary label map, or on another grid.
     """
     selection = select_files(
-        folder, body=body, rigid=rigid, soft=soft, target=target, lumbar_only=lumbar_only,
+        folder, body=body, rigid=rigid, soft=soft, target=target, lumbar_only=lumbar_only, layers=layers,
     )
     structures: dict[str, Structure] = {}
     reference: tuple[Path, LabelImage] | None = None
@@ -75,7 +76,7 @@ def read_folder(
 def read_multilabel(
     file: Path | str, *, names: Mapping[int, str] | Path | str | None = None, body: Path | str | None = None,
     rigid: Sequence[str] | None = None, soft: Sequence[str] = (), target: Sequence[str] | None = None,
-    lumbar_only: bool = False,
+    lumbar_only: bool = False, layers: bool = False,
 ) -> Segmentation:
     """Read one NIfTI in which each structure has a number.
 
@@ -90,6 +91,7 @@ def read_multilabel(
         soft: names of further soft tissues inside the body.
         target: the rigid parts that the crop follows; by default the lumbar vertebrae.
         lumbar_only: of the bones only the lumbar vertebrae are rigid, as in the paper.
+        layers: take every fat, muscle and disc there is as a soft tissue.
 
     Raises:
         InputError: a structure is missing, a number has no name, or the image is not a label map.
@@ -109,6 +111,7 @@ def read_multilabel(
     _refuse_repeated_names(Path(file), [table[number] for number in present])
     numbers = {table[number]: number for number in present}
     body_structure, body_box, body_notes = _body_of_multilabel(Path(file), image, numbers, body)
+    soft = with_layers(soft, numbers) if layers else soft
     rigid, targets = choose_bones(
         bones_among(numbers, soft), rigid=rigid, target=target, lumbar_only=lumbar_only,
         where=str(file),

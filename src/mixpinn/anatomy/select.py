@@ -6,7 +6,7 @@ from pathlib import Path
 
 from mixpinn.anatomy.bones import bones_among, choose_bones
 from mixpinn.anatomy.images.image_file import label_files, structure_name
-from mixpinn.anatomy.names import BODY_NAMES, unknown_structure
+from mixpinn.anatomy.names import BODY_NAMES, tissue_group, unknown_structure
 from mixpinn.base.errors import InputError
 
 
@@ -33,7 +33,7 @@ class FolderSelection:
 
 def select_files(
     folder: Path | str, *, body: Path | str | None = None, rigid: Sequence[str] | None = None, soft: Sequence[str] = (),
-    target: Sequence[str] | None = None, lumbar_only: bool = False,
+    target: Sequence[str] | None = None, lumbar_only: bool = False, layers: bool = False,
 ) -> FolderSelection:
     """Choose the files of a folder; see `read_folder`.
 
@@ -53,6 +53,7 @@ def select_files(
         )
     where = f"the folder {folder}"
     body_path = _body_file(folder, found, body)
+    soft = with_layers(soft, found) if layers else soft
     rigid, targets = choose_bones(
         bones_among(found, soft), rigid=rigid, target=target, lumbar_only=lumbar_only,
         where=str(folder),
@@ -64,6 +65,17 @@ def select_files(
     return FolderSelection(
         body_path, {name: found[name] for name in soft}, {name: found[name] for name in rigid}, targets,
     )
+
+
+def with_layers(soft: Sequence[str], names: Iterable[str]) -> tuple[str, ...]:
+    """The named soft tissues and every fat, muscle and disc among `names`; single muscles where no whole is there."""
+    groups = {name: tissue_group(name) for name in names if name not in soft}
+    whole = [name for name, group in groups.items() if group == "muscle" and "muscle" in name.lower()]
+    chosen = [
+        name for name, group in groups.items()
+        if group in ("fat", "disc") or (group == "muscle" and (not whole or name in whole))
+    ]
+    return (*soft, *sorted(chosen))
 
 
 def find_body(names: Iterable[str]) -> list[str]:

@@ -9,9 +9,11 @@ from mixpinn.base.config import build_config
 from mixpinn.cli.options import (
     Caps,
     Config,
+    CtFile,
     Front,
     Hold,
     Joints,
+    Layers,
     MeshSource,
     Out,
     PaperConstants,
@@ -23,9 +25,9 @@ from mixpinn.cli.options import (
     Set,
     SplitFile,
     Target,
-    bone_options,
     load_mesh,
     restraint_options,
+    role_options,
     settings_layers,
     simulation_settings,
 )
@@ -51,6 +53,8 @@ def anatomy(
     rigid: Rigid = None,
     target: Target = None,
     paper_parts: PaperParts = False,
+    layers: Layers = False,
+    ct: CtFile = None,
     soft: Annotated[list[str] | None, typer.Option(help="A further soft tissue; repeatable.")] = None,
     repair: Annotated[bool, typer.Option(help="Repair what the label check finds.")] = False,
     seed: Annotated[int | None, typer.Option(help="Vary the phantom.")] = None,
@@ -63,7 +67,8 @@ def anatomy(
 
     settings = build_config(AnatomyConfig, *settings_layers(
         config, overrides, **source_settings(source), names=names and str(names), body=body,
-        soft=soft and tuple(soft), repair=repair or None, seed=seed, **bone_options(rigid, target, paper_parts),
+        soft=soft and tuple(soft), repair=repair or None, seed=seed,
+        **role_options(rigid, target, paper_parts, layers, ct),
     ))
     result = make_anatomy(settings, out=out)
     label_map = result.label_map

@@ -22,6 +22,8 @@ Target = Annotated[
     list[str] | None, typer.Option(help="A rigid part that the crop follows; repeatable. Lumbar vertebrae."),
 ]
 PaperParts = Annotated[bool, typer.Option("--paper-parts", help="Only lumbar vertebrae are rigid, as in the paper.")]
+Layers = Annotated[bool, typer.Option("--layers", help="Take fat, muscle and discs among the maps as tissues.")]
+CtFile = Annotated[Path | None, typer.Option("--ct", help="CT of the maps: fat and muscle by windows of HU.")]
 Joints = Annotated[str | None, typer.Option(help="Joints between vertebrae: none, in-vitro or in-vivo-prone.")]
 Front = Annotated[str | None, typer.Option("--support", help="What the front rests on: anterior, table or free.")]
 Hold = Annotated[list[str] | None, typer.Option(help="A rigid part that is held in place; repeatable.")]
@@ -73,9 +75,14 @@ def load_mesh(source: Path) -> "TissueMesh":
     return mesh.load_mesh(source)
 
 
-def bone_options(rigid: list[str] | None, target: list[str] | None, paper_parts: bool) -> dict[str, Any]:
-    """Settings of the rigid parts from options; empty where none is given."""
-    given = {"rigid": rigid and tuple(rigid), "target": target and tuple(target), "paper_parts": paper_parts or None}
+def role_options(
+    rigid: list[str] | None, target: list[str] | None, paper_parts: bool, layers: bool, ct: Path | None,
+) -> dict[str, Any]:
+    """Settings of rigid parts and layers from options; empty where none is given."""
+    given = {
+        "rigid": rigid and tuple(rigid), "target": target and tuple(target), "paper_parts": paper_parts or None,
+        "layers": layers or None, "ct": ct and str(ct),
+    }
     return {key: value for key, value in given.items() if value is not None}
 
 

@@ -11,9 +11,11 @@ from mixpinn.cli.data_verbs import app, export_app, import_app
 from mixpinn.cli.options import (
     Caps,
     Config,
+    CtFile,
     Front,
     Hold,
     Joints,
+    Layers,
     MeshSource,
     Out,
     PaperConstants,
@@ -25,9 +27,9 @@ from mixpinn.cli.options import (
     Set,
     Target,
     Threads,
-    bone_options,
     load_mesh,
     restraint_options,
+    role_options,
     settings_layers,
     simulation_settings,
 )
@@ -68,6 +70,8 @@ def onboard(
     rigid: Rigid = None,
     target: Target = None,
     paper_parts: PaperParts = False,
+    layers: Layers = False,
+    ct: CtFile = None,
     probe: ProbeFile = None,
     size: Annotated[float | None, typer.Option(help="Mesh size: 1 is the paper's, larger is coarser.")] = None,
     joints: Joints = None,
@@ -83,7 +87,7 @@ def onboard(
     from mixpinn.pipeline import OnboardingConfig, onboard
     from mixpinn.stages.anatomy import source_settings
 
-    anatomy: dict[str, Any] = {**source_settings(source), **bone_options(rigid, target, paper_parts)}
+    anatomy: dict[str, Any] = {**source_settings(source), **role_options(rigid, target, paper_parts, layers, ct)}
     simulation = {
         "probe": probe and str(probe), "workers": workers, **restraint_options(joints, support, hold, caps),
     }

@@ -12,6 +12,7 @@ from mixpinn.anatomy.checks.labels import check
 from mixpinn.anatomy.checks.plausible import check_plausible
 from mixpinn.anatomy.crop import CROP_ABOVE, CROP_BELOW, crop, place_in_frame
 from mixpinn.anatomy.finding import ACCEPTABLE, Finding, require_sound
+from mixpinn.anatomy.layers import THINNEST, add_layers, layers_of_ct, split_layers
 from mixpinn.anatomy.phantom import PhantomConfig, phantom_segmentation
 from mixpinn.anatomy.picture import draw_label_map
 from mixpinn.anatomy.read import read_folder, read_multilabel
@@ -41,6 +42,9 @@ class AnatomyConfig:
         target: rigid parts that the crop and the probe positions follow; by default the lumbar vertebrae.
         paper_parts: of the bones only the lumbar vertebrae are rigid, as in the paper; the others are soft tissue.
         soft: names of further soft tissues.
+        layers: take every tissue of fat, muscle or disc that lies among the maps as a soft tissue.
+        ct: the CT that the maps were made of, from which fat and muscle are taken by windows of HU.
+        thinnest: layers of fat and muscle from this thickness on are kept [mm]; thinner ones are homogenised.
         crop_above, crop_below: margins of the crop about the targets [mm].
         repair: whether to mend what the label check finds.
         accept: kinds of finding that rest on what is usual and are refused otherwise, taken as warnings: ``affine``,
@@ -57,6 +61,9 @@ class AnatomyConfig:
     target: tuple[str, ...] | None = None
     paper_parts: bool = False
     soft: tuple[str, ...] = ()
+    layers: bool = False
+    ct: str | None = None
+    thinnest: float = THINNEST
     crop_above: float = CROP_ABOVE
     crop_below: float = CROP_BELOW
     repair: bool = False
@@ -70,7 +77,8 @@ class AnatomyConfig:
             raise InputError(
                 "accept", expected="some of " + ", ".join(ACCEPTABLE), got=unknown[0], fix="correct the setting",
             )
-        for name, value in (("crop_above", self.crop_above), ("crop_below", self.crop_below)):
+        margins = ("crop_above", self.crop_above), ("crop_below", self.crop_below), ("thinnest", self.thinnest)
+        for name, value in margins:
             if not 0.0 <= value < np.inf:
                 raise InputError(name, expected="0 mm or more", got=f"{value:g}", fix="correct the setting")
 
@@ -145,10 +153,11 @@ def _path(config: AnatomyConfig) -> str:
 def _inputs(config: AnatomyConfig) -> Mapping[str, Path | str]:
     """The files that the result depends on, by structure."""
     if config.source == "folder":
-        return select_files(_path(config), **_roles(config)).files()
+        files: dict[str, Path | str] = {**select_files(_path(config), **_roles(config)).files()}
+        return files | ({"ct": config.ct} if config.ct is not None else {})
     if config.source == "multilabel":
-        files = {"labels": _path(config), "names": config.names, "body": config.body}
-        return {key: path for key, path in files.items() if path is not None and Path(path).is_file()}
+        given = {"labels": _path(config), "names": config.names, "body": config.body, "ct": config.ct}
+        return {key: path for key, path in given.items() if path is not None and Path(path).is_file()}
     return {}
 
 
@@ -158,13 +167,14 @@ class _Roles(TypedDict):
     soft: tuple[str, ...]
     target: tuple[str, ...] | None
     lumbar_only: bool
+    layers: bool
 
 
 def _roles(config: AnatomyConfig) -> _Roles:
     """Which structure plays which role, as the readers take it."""
     return {
         "body": config.body, "rigid": config.rigid, "soft": config.soft, "target": config.target,
-        "lumbar_only": config.paper_parts,
+        "lumbar_only": config.paper_parts, "layers": config.layers,
     }
 
 
@@ -179,7 +189,7 @@ def _read(config: AnatomyConfig) -> Segmentation:
 
 
 def _compute(config: AnatomyConfig) -> AnatomyResult:
-    source = _read(config)
+    source, layers = split_layers(_read(config))
     require_sound(source.notes, accept=config.accept)
     segmentation = crop(source, above=config.crop_above, below=config.crop_below)
     doubts = check_plausible(segmentation)
@@ -193,6 +203,10 @@ def _compute(config: AnatomyConfig) -> AnatomyResult:
         findings = (*repairs, *left, *_hidden(findings, left))
     require_sound(findings, accept=config.accept)
     lasting = tuple(finding.doubt for finding in findings if finding.lasting)
+    segmentation = add_layers(segmentation, layers, thinnest=config.thinnest)
+    if config.ct is not None:
+        segmentation = layers_of_ct(segmentation, config.ct, thinnest=config.thinnest)
+    findings = (*findings, *(note for note in segmentation.notes if note.kind == "layer"))
     label_map = replace(place_in_frame(segmentation), doubts=lasting, phantom=config.source == "phantom")
     return AnatomyResult(label_map, findings)
 

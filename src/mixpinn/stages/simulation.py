@@ -35,6 +35,7 @@ from mixpinn.fem import (
     scene_hash,
     scene_record,
 )
+from mixpinn.fem.material.tissue_presets import TissuePreset, preset_modulus
 from mixpinn.geometry.probe_shapes import linear_probe
 from mixpinn.physics.restraints import JOINTS
 from mixpinn.records import Probe, TissueMesh
@@ -125,6 +126,8 @@ class SimulationConfig:
         solver: tolerance and limits.
         workers: processes; 0 takes every core.
         timeout: a worker that finishes no step for so long is ended, and its pose tried once more [s].
+        moduli: of tissues that are known by name and not in `tissues`: ``compression`` or ``elastography``
+            (`mixpinn.fem.material.tissue_presets`), or ``none`` for those of `tissue`.
         joints: between vertebrae that follow each other: ``none``, ``in-vitro`` or ``in-vivo-prone``. ``auto`` is
             in-vivo-prone where label maps were meshed (not where discs are among the tissues), else none.
         joint_frames: file of joint frames instead of those that the anatomy gives.
@@ -140,6 +143,7 @@ class SimulationConfig:
     solver: SolverConfig = field(default_factory=lambda: SolverConfig(threads=1))
     workers: int = 0
     timeout: float = STEP_TIMEOUT
+    moduli: TissuePreset = TissuePreset.COMPRESSION
     joints: JointChoice = "auto"
     joint_frames: str | None = None
     support: SupportConfig = AS_MESHED
@@ -150,6 +154,11 @@ class SimulationConfig:
             raise InputError(
                 "workers", expected="0 for every core, or more", got=str(self.workers), fix="correct the setting",
             )
+
+
+def _material(name: str, config: SimulationConfig) -> Material:
+    known = preset_modulus(name, config.moduli) if name not in config.tissues else None
+    return config.tissues.get(name, config.tissue).material() if known is None else known.material()
 
 
 def make_scene(mesh: TissueMesh, config: SimulationConfig) -> Scene:
@@ -164,7 +173,7 @@ def make_scene(mesh: TissueMesh, config: SimulationConfig) -> Scene:
             f"tissue {unknown[0]!r}", expected="one of " + ", ".join(mesh.tissue_names), got="another name",
             fix="name a tissue of the mesh",
         )
-    materials = tuple(config.tissues.get(name, config.tissue).material() for name in mesh.tissue_names)
+    materials = tuple(_material(name, config) for name in mesh.tissue_names)
     probe = linear_probe() if config.probe is None else Probe.load(config.probe)
     check_probe(probe)
     mesh, foundations = supported(mesh, config.support)
@@ -245,8 +254,9 @@ def begin_simulations(
     settings = asdict(config)
     for later in ("workers", "timeout"):  # decide when, not what
         del settings[later]
-    for name, usual in (("joints", "auto"), ("joint_frames", None), ("support", asdict(AS_MESHED))):
-        if settings[name] == usual:  # as runs have them that were begun before there was such a setting
+    usual = {"moduli": "compression", "joints": "auto", "joint_frames": None, "support": asdict(AS_MESHED)}
+    for name, value in usual.items():
+        if settings[name] == value:  # as runs have them that were begun before there was such a setting
             del settings[name]
 
     def start() -> None:

@@ -8,6 +8,7 @@ import numpy as np
 from mixpinn.base.errors import InputError
 from mixpinn.base.rundir import finish_run, is_finished, run_scope, start_run
 from mixpinn.dataset import SOFA_REPLAY, Pose, SimulationStore, probe_path, read_positions, summarise
+from mixpinn.fem import StableNeoHookean
 from mixpinn.interop import SofaConstants, SofaSettings, export_sofa_scene, import_sofa
 from mixpinn.physics.restraints import FREE
 from mixpinn.records import TissueMesh
@@ -34,12 +35,11 @@ def export_sofa(mesh: TissueMesh, config: SimulationConfig, *, out: Path | str) 
         raise InputError(
             "export to SOFA", expected="rigid parts that move", got="held ones", fix="set support.cut to free",
         )
-    tissues = [config.tissues.get(name, config.tissue) for name in mesh.tissue_names]
-    if any(tissue.energy != "stable" for tissue in tissues):
+    if not all(isinstance(material, StableNeoHookean) for material in scene.materials):
         raise InputError(
             "tissue", expected="the energy 'stable', which SOFA implements", got="another one", fix="change the energy",
         )
-    constants = [(tissue.material().mu, tissue.material().lam) for tissue in tissues]  # type: ignore[attr-defined]
+    constants = [(material.mu, material.lam) for material in scene.materials]  # type: ignore[attr-defined]
     _, poses = plan(mesh, config, scene.probe)
     return export_sofa_scene(
         out, mesh, scene.probe,
