@@ -29,6 +29,8 @@ from mixpinn.geometry.probe_shapes import linear_probe  # noqa: E402
 from mixpinn.geometry.rotations import rotation_about_y  # noqa: E402
 from mixpinn.mesh import load_paper_mesh  # noqa: E402
 from mixpinn.records import Probe, ProbePath, Simulation, TissueMesh  # noqa: E402
+from validation.blocks import labelled  # noqa: E402
+from validation.kuhn import grid_points, kuhn_cells  # noqa: E402
 
 ROTATIONS = (0.0, 45.0, 90.0, 135.0)
 
@@ -47,24 +49,10 @@ def paper_set_up() -> tuple[TissueMesh, Probe, np.ndarray] | None:
 
 def block_set_up() -> tuple[TissueMesh, Probe, np.ndarray]:
     """A block of 200 × 120 × 200 mm with about 9,000 nodes, fixed below, and four positions on it."""
-    counts, size = np.array([21, 16, 21]), np.array([200.0, 120.0, 200.0])
-    axes = [np.linspace(0.0, length, count + 1) for length, count in zip(size, counts, strict=True)]
-    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
-    corner = np.stack(np.meshgrid(*[np.arange(c) for c in counts], indexing="ij"), axis=-1).reshape(-1, 3)
-    cells = []
-    for order in ((0, 1, 2), (1, 2, 0), (2, 0, 1), (0, 2, 1), (2, 1, 0), (1, 0, 2)):  # Kuhn's six tetrahedra
-        steps = np.zeros((4, 3), dtype=np.int64)
-        for i, axis in enumerate(order):
-            steps[i + 1 :, axis] += 1
-        nodes = [np.ravel_multi_index(tuple((corner + step).T), tuple(counts + 1)) for step in steps]
-        if np.linalg.det(steps[1:] - steps[0]) < 0:
-            nodes[2], nodes[3] = nodes[3], nodes[2]
-        cells.append(np.stack(nodes, axis=1))
-    n = len(points)
-    mesh = TissueMesh(
-        points, np.concatenate(cells).astype(np.int32), np.zeros(n, np.int16), points[:, 1] == 0.0, (),
-        np.zeros(6 * len(corner), np.int16), ("soft tissue",),
-    )
+    counts = (21, 16, 21)
+    lengths = zip((200.0, 120.0, 200.0), counts, strict=True)
+    points = grid_points(*(np.linspace(0.0, length, n + 1) for length, n in lengths))
+    mesh = labelled(points, kuhn_cells(counts), fixed=points[:, 1] == 0.0)
     positions = np.array([[80.0, 122.0, 80.0], [120.0, 122.0, 80.0], [80.0, 122.0, 120.0], [120.0, 122.0, 120.0]])
     return mesh, linear_probe(), positions
 

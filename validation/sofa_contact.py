@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
+from mixpinn.base.arrays import FloatArray
 from mixpinn.base.progress import track
 from mixpinn.fem import PoseSimulator
 from mixpinn.records import Simulation
@@ -17,6 +18,11 @@ from validation.sofa_fields import (
     paper_mesh,
     sofa_scene,
 )
+
+
+def replayer(data: Path) -> tuple[PoseSimulator, FloatArray]:
+    """A simulator of SOFA's scene on the paper's mesh, and the positions of the poses [mm], shape (p, 3)."""
+    return PoseSimulator(sofa_scene(data, paper_mesh(data))), np.loadtxt(paper_folder(data) / "probe_positions.txt")
 
 
 def simulate(simulator: PoseSimulator, field: StaticField, cache: Path) -> Simulation:
@@ -40,9 +46,8 @@ def run(folder: Path, *, cache: Path) -> Section:
     if data is None:
         missing = tuple(Result(name, np.nan, f"≤ {bar}", False) for name, bar in zip(names, bars, strict=True))
         return Section(title, "Not run: the recorded fields are absent.", missing)
-    mesh = paper_mesh(data)
-    positions = np.loadtxt(paper_folder(data) / "probe_positions.txt")
-    simulator = PoseSimulator(sofa_scene(data, mesh))
+    simulator, positions = replayer(data)
+    mesh = simulator.scene.mesh
     worst = np.zeros(3)
     rows = [("pose", "mean displacement [mm]", "mean difference [mm]", "relative", "largest [mm]",
              "vertebra [mm]", "force, SOFA [N]", "force, ours [N]", "peak penetration [mm]")]

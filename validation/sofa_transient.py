@@ -6,18 +6,10 @@ import numpy as np
 
 from mixpinn.base.arrays import FloatArray
 from mixpinn.base.progress import track
-from mixpinn.fem import PAPER_TISSUE, ElasticSystem, PoseSimulator
+from mixpinn.fem import PAPER_TISSUE, ElasticSystem
 from validation.result import Result, Section, picture
-from validation.sofa_contact import simulate
-from validation.sofa_fields import (
-    APPROACH,
-    Recording,
-    StaticField,
-    data_folder,
-    paper_folder,
-    paper_mesh,
-    sofa_scene,
-)
+from validation.sofa_contact import replayer, simulate
+from validation.sofa_fields import APPROACH, Recording, StaticField, data_folder
 from validation.sofa_imposed import kept_differences
 
 EVERY = 5
@@ -66,9 +58,8 @@ def run(folder: Path, *, cache: Path, imposed: Path, compute: bool = True) -> Se
         return Section(title, "Not run: the recorded fields are absent.", (
             Result("SOFA transient, frames compared", np.nan, "reported", False),
         ))
-    mesh = paper_mesh(data)
-    positions = np.loadtxt(paper_folder(data) / "probe_positions.txt")
-    simulator, system = PoseSimulator(sofa_scene(data, mesh)), ElasticSystem(mesh, [PAPER_TISSUE])
+    simulator, positions = replayer(data)
+    system = ElasticSystem(simulator.scene.mesh, [PAPER_TISSUE])
     tables, names, failed = [], [], 0
     for path in track(chosen(data), "SOFA transient"):
         recording = Recording.load(path)

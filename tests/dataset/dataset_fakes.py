@@ -9,11 +9,11 @@ from pathlib import Path
 
 import numpy as np
 
-from kuhn_block import grid_points, kuhn_cells
 from mixpinn.base.errors import SolveError
 from mixpinn.dataset import Pose, Protocol, SimulationStore, list_poses
 from mixpinn.fem import scene_record
 from mixpinn.records import Probe, ProbePath, Simulation, TissueMesh
+from validation.kuhn import grid_points, kuhn_cells
 
 
 def block(n: int = 4, *, size: float = 10.0, rigid: bool = True) -> TissueMesh:

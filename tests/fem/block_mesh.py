@@ -2,31 +2,15 @@
 
 import numpy as np
 
-from kuhn_block import grid_points, kuhn_cells
-from mixpinn.base.arrays import FloatArray
 from mixpinn.records import TissueMesh
+from validation import blocks
+from validation.blocks import labelled
 
 
 def block(counts: tuple[int, int, int], *, size: tuple[float, float, float] = (1.0, 1.0, 1.0), shake: float = 0.0,
           seed: int = 0) -> TissueMesh:
-    """A box of `counts` cubes, six tetrahedra each (Kuhn), interior nodes displaced by up to `shake` of a cube."""
-    points = grid_points(*[np.linspace(0.0, length, count + 1) for length, count in zip(size, counts, strict=True)])
-    inside = ((points > 1e-9) & (points < np.array(size) - 1e-9)).all(axis=1)
-    spacing = np.array(size) / np.array(counts)
-    points[inside] += shake * spacing * np.random.default_rng(seed).uniform(-1.0, 1.0, (int(inside.sum()), 3))
-    return labelled(points, kuhn_cells(counts))
-
-
-def labelled(points: FloatArray, cells: np.ndarray, *, part: np.ndarray | None = None, fixed: np.ndarray | None = None,
-             tissue: np.ndarray | None = None) -> TissueMesh:
-    """A mesh with the given labels, by default one free soft tissue."""
-    part = np.zeros(len(points), dtype=np.int16) if part is None else part.astype(np.int16)
-    fixed = np.zeros(len(points), dtype=bool) if fixed is None else fixed
-    tissue = np.zeros(len(cells), dtype=np.int16) if tissue is None else tissue.astype(np.int16)
-    return TissueMesh(
-        points, cells.astype(np.int32), part, fixed, tuple(f"bone{k + 1}" for k in range(int(part.max(initial=0)))),
-        tissue, tuple(f"tissue{k}" for k in range(int(tissue.max(initial=0)) + 1)),
-    )
+    """A box of `counts` cubes, six tetrahedra each, interior nodes displaced by up to `shake` of a cube."""
+    return blocks.block(counts, size=size, shake=shake, rng=np.random.default_rng(seed), mirrored=False)
 
 
 def two_bones(counts: tuple[int, int, int] = (6, 3, 3)) -> TissueMesh:

@@ -4,30 +4,21 @@ import numpy as np
 
 from mixpinn.records import LabelMap, TissueMesh
 from mixpinn.records.label_map import SCANNER_TO_WORLD
-
-_KUHN = np.array([[0, 1, 3, 7], [0, 1, 5, 7], [0, 2, 3, 7], [0, 2, 6, 7], [0, 4, 5, 7], [0, 4, 6, 7]])
+from validation.kuhn import grid_points, kuhn_cells
 
 
 def box_mesh(n=(4, 4, 4), *, cavity=None, spacing=10.0):
     """Cubes of edge `spacing` cut into six tetrahedra each; the cubes in `cavity` (a slice) are left out, as part 1."""
-    from mixpinn.mesh import orient_cells
-
-    grid = np.stack(np.meshgrid(*(np.arange(k + 1) for k in n), indexing="ij"), axis=-1).reshape(-1, 3)
-    points = spacing * (grid - np.array(n) / 2.0)
-    index = np.arange(len(grid)).reshape([k + 1 for k in n])
+    points = spacing * (grid_points(*(np.arange(k + 1) for k in n)) - np.array(n) / 2.0)
+    cells = kuhn_cells(n).reshape(*n, 6, 4)
     keep = np.ones(n, dtype=bool)
-    if cavity is not None:
-        keep[cavity] = False
-    cubes = np.argwhere(keep)
-    corners = np.stack([index[tuple((cubes + np.array([b & 1, b >> 1 & 1, b >> 2])).T)] for b in range(8)], axis=1)
-    cells = orient_cells(points, corners[:, _KUHN].reshape(-1, 4))
     part = np.zeros(len(points), dtype=np.int16)
     names = ()
     if cavity is not None:
-        hollow = np.argwhere(~keep)
-        touched = np.unique([index[tuple((hollow + np.array([b & 1, b >> 1 & 1, b >> 2])).T)] for b in range(8)])
-        part[touched] = 1
+        keep[cavity] = False
+        part[np.unique(cells[~keep])] = 1
         names = ("block",)
+    cells = cells[keep].reshape(-1, 4)
     return TissueMesh(
         points, cells, part, np.zeros(len(points), dtype=bool), names, np.zeros(len(cells), dtype=np.int16),
     )

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from kuhn_block import grid_points, kuhn_cells
 from mixpinn.base.errors import InputError
 from mixpinn.geometry.rotations import rotation_from_vector
 from mixpinn.mesh import draw_joint_frames, joint_frames, load_paper_mesh
 from mixpinn.records import TissueMesh
+from validation.kuhn import grid_points, kuhn_cells
 
 BODY, DISC, WIDTH, DEPTH = 24.0, 12.0, 36.0, 30.0
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from kuhn_block import grid_points, kuhn_cells
 from mixpinn.networks import ModelConfig
 from mixpinn.records import SampleTable, TissueMesh
+from validation.kuhn import grid_points, kuhn_cells
 
 TINY = ModelConfig(layers=2, heads=2, hidden=8, virtual_nodes=True)
 

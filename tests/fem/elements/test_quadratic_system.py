@@ -2,47 +2,58 @@
 
 import numpy as np
 import pytest
-import skfem
-from skfem.helpers import ddot, eye, sym_grad, trace
 
 from fem.block_mesh import block, carved, labelled, two_bones
-from fem.elements.test_system import UserMaterial, body_force, boundary, equilibrium, full
+from fem.elements.system_checks import (
+    MATERIALS,
+    SOFT,
+    check_derivatives,
+    check_threads,
+    check_user_materials,
+    equilibrium,
+    large_motion,
+    outer,
+)
 from mixpinn.fem.elements.system import ElasticSystem, State
-from mixpinn.fem.material.hyperelastic import LinearElastic, StableNeoHookean, StableNeoHookeanLog
+from mixpinn.fem.material.hyperelastic import LinearElastic
 from mixpinn.geometry.rotations import rotation_from_vector
-from mixpinn.physics.quadrature import TETRAHEDRON_14
 from mixpinn.records.mid_edges import edge_index
-
-SOFT = StableNeoHookean(mu=1.0, lam=4.0)
-MATERIALS = [SOFT, StableNeoHookeanLog(mu=1.0, lam=4.0), LinearElastic(mu=1.0, lam=4.0)]
+from validation.linear_elasticity import manufactured_error, order_of_convergence
+from validation.scikit_oracle import oracle_difference
 
 
 def bones(counts=(6, 3, 3)):
     return carved(two_bones(counts)).with_order(2)
 
 
-def large_motion(system: ElasticSystem) -> State:
-    increment = 0.5 * np.random.default_rng(0).normal(size=system.n_dofs)
-    increment[-12:] = [3.0, -2.0, 4.0, 1.3, -0.8, 1.2, -5.0, 1.0, 2.0, -0.4, 1.6, 0.7]
-    return system.advance(system.rest_state(), increment)
-
-
 @pytest.mark.parametrize("material", MATERIALS, ids=repr)
 def test_energy_gradient_and_tangent_agree(material):
-    system, h = ElasticSystem(bones(), [material]), 1e-4
-    state, rng = large_motion(system), np.random.default_rng(1)
-    nodal = system.gradient(state)
-    residual, tangent = system.reduce(nodal, state), full(system.tangent(state, project=False))
-    moment = system.part_wrench(nodal, state)[:, 3:]
-    for _ in range(3):
-        direction = rng.normal(size=system.n_dofs)
-        direction[-12:].reshape(2, 6)[:, 3:] *= 0.1
-        ends = [system.advance(state, sign * h * direction) for sign in (1.0, -1.0)]
-        slope = (system.energy(ends[0]) - system.energy(ends[1])) / (2.0 * h)
-        assert slope == pytest.approx(residual @ direction, rel=1e-6)
-        change = np.subtract(*[system.reduce(system.gradient(end), end) for end in ends]) / (2.0 * h)
-        change[-12:].reshape(2, 6)[:, 3:] += 0.5 * np.cross(moment, direction[-12:].reshape(2, 6)[:, 3:])
-        np.testing.assert_allclose(change, tangent @ direction, atol=1e-6 * np.abs(change).max())
+    system = ElasticSystem(bones(), [material])
+    check_derivatives(system, large_motion(system, scatter=0.5), directions=3)
+
+
+@pytest.mark.parametrize("project", [True, False])
+def test_materials_of_the_user_and_several_tissues(project):
+    mesh = carved(two_bones())
+    tissue = np.arange(len(mesh.cells)) % 3
+    mesh = labelled(mesh.points, mesh.cells, part=mesh.part, fixed=mesh.fixed, tissue=tissue).with_order(2)
+    check_user_materials(mesh, project=project, scatter=0.5)
+
+
+def test_results_do_not_depend_on_threads():
+    mesh = block((9, 8, 8), shake=0.2)
+    mesh = labelled(mesh.points, mesh.cells, fixed=mesh.points[:, 0] < 1e-9).with_order(2)
+    check_threads(mesh, scatter=0.005)
+
+
+def test_linear_elasticity_against_scikit_fem():
+    assert oracle_difference((4, 3, 3), order=2, mirrored=False) <= 1e-8
+
+
+def test_displacement_converges_with_order_three():
+    sizes = (2, 4, 6)
+    errors = [manufactured_error(n, order=2, mirrored=False) for n in sizes]
+    assert 2.8 <= order_of_convergence(sizes, errors) <= 3.2
 
 
 @pytest.mark.parametrize("material", MATERIALS[:2], ids=repr)
@@ -67,9 +78,7 @@ def test_affine_patch(material):
     system = ElasticSystem(mesh, [material])
     affine = np.array([[0.15, 0.1, -0.05], [0.02, -0.1, 0.08], [0.12, 0.0, 0.05]])
     exact = mesh.node_points @ affine.T
-    low, high = mesh.points.min(axis=0), mesh.points.max(axis=0)
-    outside = ((mesh.node_points < low + 1e-9) | (mesh.node_points > high - 1e-9)).any(axis=1)
-    held = np.repeat(outside, 3)
+    held = np.repeat(outer(mesh), 3)
     state, _ = equilibrium(system, system.rest_state(), held, shift=np.where(held, exact.ravel(), 0.0))
     assert np.abs(state.points - mesh.node_points - exact).max() <= 1e-10
     energy = material.energy((np.eye(3) + affine)[None])[0]
@@ -100,85 +109,6 @@ def test_a_quadratic_field_bends_the_cells_as_it_should():
     strain = 0.5 * (h + h.transpose(1, 0, 2))
     density = (strain**2).sum(axis=(0, 1)) + 0.75 * np.trace(strain) ** 2
     assert system.energy(state) == pytest.approx(density @ share, rel=1e-12)
-
-
-def test_linear_elasticity_against_scikit_fem():
-    mesh = block((4, 3, 3), size=(2.0, 1.0, 1.0), shake=0.25)
-    material = LinearElastic.from_young(3.0, 0.4)
-    mesh = labelled(mesh.points, mesh.cells, fixed=mesh.points[:, 0] < 1e-9).with_order(2)
-    system = ElasticSystem(mesh, [material])
-    load = np.random.default_rng(0).normal(size=mesh.node_points.shape)
-    state, _ = equilibrium(
-        system, system.rest_state(), np.zeros(system.n_dofs, dtype=bool), load=load, tolerance=1e-9,
-    )
-    basis = skfem.Basis(
-        skfem.MeshTet(mesh.points.T.copy(), mesh.cells.T.astype(np.int64).copy()),
-        skfem.ElementVector(skfem.ElementTetP2()), intorder=2,
-    )
-
-    @skfem.BilinearForm
-    def stiffness(u, v, _):
-        strain = sym_grad(u)
-        return ddot(2.0 * material.mu * strain + material.lam * eye(trace(strain), 3), sym_grad(v))
-
-    # Its unknowns lie at the vertices and at the midpoints of its own edges.
-    unknown = np.concatenate([basis.nodal_dofs.T, basis.edge_dofs.T[np.argsort(edge_index(mesh, basis.mesh.edges.T))]])
-    rhs = np.zeros(basis.N)
-    rhs[unknown] = load
-    solution = skfem.solve(*skfem.condense(stiffness.assemble(basis), rhs, D=unknown[mesh.node_fixed].ravel()))
-    expected = solution[unknown]
-    assert np.abs(state.points - mesh.node_points - expected).max() <= 1e-8 * np.abs(expected).max()
-
-
-def test_displacement_converges_with_order_three():
-    material, a, errors = LinearElastic(mu=1.0, lam=1.5), np.array([1.0, -0.5, 0.7]), []
-    sizes, rule = np.array([2, 4, 6]), TETRAHEDRON_14
-    lam = rule.points
-    edges = np.array([[0, 1], [1, 2], [0, 2], [0, 3], [1, 3], [2, 3]])
-    shape = np.concatenate([lam * (2.0 * lam - 1.0), 4.0 * lam[:, edges[:, 0]] * lam[:, edges[:, 1]]], axis=1)
-    for n in sizes:
-        mesh = block((int(n),) * 3)
-        mesh = labelled(mesh.points, mesh.cells, fixed=boundary(mesh)).with_order(2)
-        system = ElasticSystem(mesh, [material])
-        places = np.einsum("qa,mai->mqi", lam, mesh.points[mesh.cells])
-        share = mesh.cell_volumes[:, None] * rule.weights
-        load = np.zeros_like(mesh.node_points)
-        np.add.at(
-            load, mesh.cell_nodes, np.einsum("mqi,qn,mq->mni", body_force(places, a, material), shape, share),
-        )
-        state, _ = equilibrium(
-            system, system.rest_state(), np.zeros(system.n_dofs, dtype=bool), load=load, tolerance=1e-10,
-        )
-        moved = np.einsum("qn,mni->mqi", shape, (state.points - mesh.node_points)[mesh.cell_nodes])
-        error = moved - a * np.sin(np.pi * places).prod(axis=-1)[..., None]
-        errors.append(np.sqrt(np.einsum("mqi,mqi,mq->", error, error, share)))
-    order = np.log(errors[-2] / errors[-1]) / np.log(sizes[-1] / sizes[-2])
-    assert 2.8 <= order <= 3.2
-
-
-@pytest.mark.parametrize("project", [True, False])
-def test_materials_of_the_user_and_several_tissues(project):
-    mesh, stiff = carved(two_bones()), StableNeoHookean(mu=3.0, lam=20.0)
-    tissue = np.arange(len(mesh.cells)) % 3
-    mesh = labelled(mesh.points, mesh.cells, part=mesh.part, fixed=mesh.fixed, tissue=tissue).with_order(2)
-    compiled = ElasticSystem(mesh, [SOFT, stiff, MATERIALS[1]])
-    mixed = ElasticSystem(mesh, [UserMaterial(SOFT), UserMaterial(stiff), MATERIALS[1]])
-    state = large_motion(compiled)
-    assert mixed.energy(state) == pytest.approx(compiled.energy(state), rel=1e-12)
-    expected = compiled.gradient(state)
-    np.testing.assert_allclose(mixed.gradient(state), expected, atol=1e-11 * np.abs(expected).max())
-    expected = compiled.tangent(state, project=project).data
-    np.testing.assert_allclose(mixed.tangent(state, project=project).data, expected, atol=1e-9 * np.abs(expected).max())
-
-
-def test_results_do_not_depend_on_threads():
-    mesh = block((9, 8, 8), shake=0.2)
-    mesh = labelled(mesh.points, mesh.cells, fixed=mesh.points[:, 0] < 1e-9).with_order(2)
-    one, two = (ElasticSystem(mesh, [SOFT], threads=threads) for threads in (1, 2))
-    state = one.advance(one.rest_state(), 0.005 * np.random.default_rng(0).normal(size=one.n_dofs))
-    assert one.energy(state) == two.energy(state)
-    np.testing.assert_array_equal(one.gradient(state), two.gradient(state))
-    np.testing.assert_array_equal(one.tangent(state).data, two.tangent(state).data)
 
 
 def test_jacobians_are_taken_where_the_cell_is_bent():
