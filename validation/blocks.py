@@ -16,7 +16,7 @@ def labelled(
     fixed = np.zeros(len(points), dtype=bool) if fixed is None else fixed
     tissue = np.zeros(len(cells), dtype=np.int16) if tissue is None else tissue.astype(np.int16)
     return TissueMesh(
-        points, cells.astype(np.int32), part, fixed, tuple(f"bone {k + 1}" for k in range(int(part.max(initial=0)))),
+        points, cells.astype(np.int32), part, fixed, tuple(f"bone{k + 1}" for k in range(int(part.max(initial=0)))),
         tissue, tuple(f"tissue {k}" for k in range(int(tissue.max(initial=0)) + 1)),
     )
 
