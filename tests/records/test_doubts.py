@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from kuhn_block import grid_points, kuhn_cells
 from mixpinn.mesh import import_vtu
 from mixpinn.records import LabelMap, TissueMesh
 from mixpinn.records.doubts import in_short
+from validation.kuhn import grid_points, kuhn_cells
 
 DOUBTS = (
     "vertebrae_L1: cut off: 229 voxels at the image's border", "Körper: affine: sform and qform are 3 mm apart",

@@ -5,7 +5,6 @@ import json
 import numpy as np
 import pytest
 
-from kuhn_block import grid_points, kuhn_cells
 from mixpinn.base.errors import InputError
 from mixpinn.geometry.rotations import rotation_from_vector
 from mixpinn.records import TissueMesh
@@ -21,6 +20,7 @@ from mixpinn.server.igtl.skin import SkinSurface
 from mixpinn.server.igtl.string import StringBody
 from mixpinn.serving.motions import motion_matrices
 from training.toy_block import block_mesh
+from validation.kuhn import grid_points, kuhn_cells
 
 TURN = rotation_from_vector(np.array([0.02, -0.05, 0.03]))
 
