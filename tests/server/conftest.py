@@ -9,7 +9,7 @@ from mixpinn.server.limits import Limits
 from mixpinn.server.run import LiveServer
 from serving.live.pressed import block_predictor
 
-LIMITS = Limits(clients=6, hello_s=1.0, request_s=1.0, send_s=1.5, may_leave_s=0.5)
+LIMITS = Limits(clients=6, rate=1_000.0, burst=1_500.0, hello_s=1.0, request_s=1.0, send_s=1.5, may_leave_s=0.5)
 
 
 @pytest.fixture(scope="session")

@@ -122,7 +122,7 @@ def test_a_series_opens_as_one_data_set_over_time(client, tmp_path) -> None:
 
 
 def test_the_full_solution_is_that_of_the_solver(client, predictor) -> None:
-    pose = above(depth=3.0)
+    pose = above(depth=1.5)
     frame = client.press(pose.translation)
     client.say("compare")
     said = client.wait_for_message("comparison", "error", timeout=120.0)

@@ -14,10 +14,11 @@ def skew(vectors: FloatArray) -> FloatArray:
     Returns:
         Shape (..., 3, 3).
     """
-    x, y, z = np.moveaxis(np.asarray(vectors, dtype=np.float64), -1, 0)
-    zero = np.zeros_like(x)
-    rows = [np.stack(row, axis=-1) for row in ((zero, -z, y), (z, zero, -x), (-y, x, zero))]
-    return np.stack(rows, axis=-2)
+    vectors = np.asarray(vectors, dtype=np.float64)
+    found = np.zeros((*vectors.shape, 3))
+    for i, (j, k) in enumerate(((1, 2), (2, 0), (0, 1))):
+        found[..., k, j], found[..., j, k] = vectors[..., i], -vectors[..., i]
+    return found
 
 
 def rotation_from_vector(vectors: FloatArray) -> FloatArray:

@@ -15,6 +15,7 @@ an energy then governs, and the answer says that it did not converge.
 """
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import replace
 
 import numpy as np
@@ -38,6 +39,9 @@ from mixpinn.press.skin_points import SkinPoints
 from mixpinn.records import TissueMesh
 from mixpinn.reduced.prior import ElasticPrior
 
+_CUTS = 5
+"""A step may be halved so often."""
+
 
 class PriorContact:
     """Solves contact of probes with the skin of a linear body.
@@ -59,7 +63,7 @@ class PriorContact:
             compliance: displacement of the candidates under unit forces on them [mm/N], symmetric, shape (3 c, 3 c).
             config: how contact is solved.
         """
-        self.config = config or PoseContactConfig()
+        self.config, self.cuts = config or PoseContactConfig(), _CUTS
         self.nodes = np.asarray(nodes, dtype=np.int64)
         self.rest = np.ascontiguousarray(points[self.nodes])
         self._triangles = np.searchsorted(self.nodes, triangles).astype(np.int64)
@@ -78,6 +82,16 @@ class PriorContact:
             prior.mesh.node_points, candidate_triangles(prior.mesh, prior.nodes), prior.nodes,
             prior.own_compliance, config,
         )
+
+    def hurried(self, *, cuts: int = 1) -> "PriorContact":
+        """The same contact, that gives up sooner where a step does not converge: for live use.
+
+        Args:
+            cuts: a step may be halved so often.
+        """
+        other = copy(self)
+        other.cuts = cuts
+        return other
 
     def at_the_rim(self, nodes: IntArray) -> bool:
         """Whether one of some candidate nodes lies at the rim of the skin between the candidates."""

@@ -13,10 +13,6 @@ from mixpinn.press.records import ContactHistory, ContactPrediction, PlacedProbe
 if TYPE_CHECKING:
     from mixpinn.press.contact import PriorContact
 
-_CUTS = 5
-"""A step may be halved so often."""
-
-
 @dataclass(frozen=True, eq=False)
 class ContactSession:
     """Probes at their poses in equilibrium with a patch of skin, and all that is needed to go on from there.
@@ -90,7 +86,7 @@ class ContactSession:
             at += done
             if at < steps:
                 two = slice(at, at + 2)
-                session = session._divided((rotations[two], translations[two]), shifts[two], _CUTS)
+                session = session._divided((rotations[two], translations[two]), shifts[two], self.contact.cuts)
                 at += 1
         placed = replace(self.placed, rotations=rotations[-1], translations=translations[-1])
         return replace(session, placed=placed, shift=shifts[-1])

@@ -113,7 +113,9 @@ class Equilibrium:
             moved = arm + field[nodes]
             wrench = out[coordinates.n_soft + 6 * k:][:6]
             wrench[:3] = force.sum(axis=0)
-            wrench[3:] = np.cross(moved - moved[:count].mean(axis=0), force).sum(axis=0)
+            arm = moved - moved[:count].mean(axis=0)
+            moment = arm.T @ force  # Σ a × f, whose components are differences of those of Σ a ⊗ f
+            wrench[3:] = moment[1, 2] - moment[2, 1], moment[2, 0] - moment[0, 2], moment[0, 1] - moment[1, 0]
         if len(self._joints):
             twists = coordinates.twists(unknowns)
             wrenches = self._joints.gradient(rotation_from_vector(twists[:, 3:]), twists[:, :3])

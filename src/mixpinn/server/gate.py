@@ -110,6 +110,8 @@ class Gate:
         origins = headers.get(b"origin", [])
         if origins and (len(origins) > 1 or not _same_origin(origins[0].decode("latin-1").lower(), host)):
             return 403, "pages of other origins may not ask"
+        if b"transfer-encoding" in headers or headers.get(b"content-length", [b"0"]) != [b"0"]:
+            return 400, "requests have no body here"
         guarded = scope["path"].startswith(_GUARDED)
         if guarded and headers.get(b"sec-fetch-site", [b"same-origin"])[0] == b"cross-site":
             return 403, "pages of other sites may not ask"

@@ -13,7 +13,6 @@ from mixpinn.records import TissueMesh
 from mixpinn.records.answer import discretisation_of
 from mixpinn.server.protocol import VERSION, encode_surface
 from mixpinn.serving.hybrid_predictor import HybridPredictor
-from mixpinn.serving.live.session import pressing_model
 
 JSON_TYPE, BINARY_TYPE = "application/json", "application/octet-stream"
 
@@ -37,7 +36,7 @@ class SceneFiles:
         Raises:
             InputError: a bundle without contact from the pose.
         """
-        mesh, model = predictor.mesh, pressing_model(predictor)
+        mesh, model = predictor.mesh, predictor.pressing
         files: dict[str, tuple[str, bytes]] = {}
         nodes = np.unique(mesh.skin_triangles).astype(np.int64)
         skin = np.searchsorted(nodes, mesh.skin_triangles)
@@ -73,7 +72,7 @@ class SceneFiles:
 
 def bundle_warnings(predictor: HybridPredictor) -> tuple[str, ...]:
     """What speaks against a bundle as a whole, in words."""
-    model, about = pressing_model(predictor), predictor.model.about
+    model, about = predictor.pressing, predictor.model.about
     found = []
     if model.error is None:
         found.append("the bundle is not calibrated: its errors are not known")

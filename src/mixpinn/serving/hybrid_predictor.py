@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Sequence
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,6 +19,7 @@ from mixpinn.serving.motions import motions_of_field, motions_of_twists
 
 if TYPE_CHECKING:
     from mixpinn.press.model import PoseModel
+    from mixpinn.serving.force_depth import DepthForForce
 
 
 class HybridPredictor:
@@ -81,6 +83,24 @@ class HybridPredictor:
         return predictor
 
     @property
+    def pressing(self) -> "PoseModel":
+        """Contact from the probe's pose.
+
+        Raises:
+            InputError: a bundle that was made without a probe.
+        """
+        if self.pose is None:
+            raise InputError(
+                self.name, expected="a bundle that takes poses", got="one that was made without a probe",
+                fix="fit the hybrid model on simulations that know their probe",
+            )
+        return self.pose
+
+    @cached_property
+    def _discretisation(self) -> str:
+        return discretisation_of(self.mesh)
+
+    @property
     def mesh_hash(self) -> str:
         """Identity of the mesh."""
         return self.mesh.hash()
@@ -134,11 +154,7 @@ class HybridPredictor:
             InputError: a bundle without contact from the pose, a pose that is not finite or no rotation, one beyond
                 sense (far inside the body, or pressing from another side), or the history of something else.
         """
-        if self.pose is None:
-            raise InputError(
-                self.name, expected="a bundle that takes poses", got="one that was made without a probe",
-                fix="fit the hybrid model on simulations that know their probe",
-            )
+        model = self.pressing
         from mixpinn.press.records import ContactHistory
 
         if history is not None and not isinstance(history, ContactHistory):
@@ -151,14 +167,78 @@ class HybridPredictor:
         if rotation is None:
             rotation = probe_rotation(np.broadcast_to(rotation_deg, len(places)), direction)
         turns = np.asarray(rotation, dtype=np.float64).reshape(-1, 3, 3)
-        found = self.pose.predict(turns, places, probes=[0] * len(places), history=history)
+        found = model.predict(turns, places, probes=[0] * len(places), history=history)
         contact, wrench = found.contact, found.wrench if tips.ndim > 1 else found.wrench[0]
         return Answer(
             self.mesh, found.displacement, Source.HYBRID_POSE, model=self.name, force=wrench[..., :3],
             moment=wrench[..., 3:], motions=motions_of_twists(self.mesh, found.twists),
             contact=Contact(contact.nodes, contact.displacement, contact.forces),
-            trust=found.trust, discretisation=discretisation_of(self.mesh),
-            history=contact.history,
+            trust=found.trust, discretisation=self._discretisation, history=contact.history,
+        )
+
+    def press_many(
+        self, tips: AnyArray | Sequence[Sequence[float]], *, rotation_deg: AnyArray | float = 0.0,
+        direction: Sequence[float] = (0.0, -1.0, 0.0), rotations: AnyArray | None = None, threads: int | None = None,
+    ) -> list[Answer]:
+        """The answers of `press` to many poses of one probe, from several threads.
+
+        Args:
+            tips: where the tip ends in each, world [mm], shape (m, 3).
+            rotation_deg: about the pressing direction [degree], one for all or shape (m,).
+            direction: where it presses to, shape (3,).
+            rotations: rotation matrices instead of these two, shape (m, 3, 3).
+            threads: how many; None takes every core.
+
+        Raises:
+            InputError: as `press`; the pose is named.
+        """
+        from mixpinn.serving.many_poses import press_many
+
+        return press_many(
+            self, tips, rotation_deg=rotation_deg, direction=direction, rotations=rotations, threads=threads,
+        )
+
+    def depth_for(
+        self, force: float, tip: AnyArray | Sequence[float], *, rotation_deg: float = 0.0,
+        direction: Sequence[float] = (0.0, -1.0, 0.0), rotation: AnyArray | None = None, tolerance: float = 0.1,
+    ) -> "DepthForForce":
+        """How deep a probe must press to feel a force.
+
+        Args:
+            force: size of the force that is wanted [N].
+            tip: a place on the line along which it presses [mm], shape (3,).
+            rotation_deg, direction, rotation: of the probe, as in `press`.
+            tolerance: by how much the force may be off [N].
+
+        Raises:
+            InputError: a force that the pose cannot reach within the depth that was learned from; the range that it can
+                is named.
+        """
+        from mixpinn.serving.force_depth import depth_for
+
+        return depth_for(
+            self, force, tip, rotation_deg=rotation_deg, direction=direction, rotation=rotation, tolerance=tolerance,
+        )
+
+    def stiffness(
+        self, tip: AnyArray | Sequence[float], *, rotation_deg: float = 0.0,
+        direction: Sequence[float] = (0.0, -1.0, 0.0), rotation: AnyArray | None = None,
+        history: object | None = None, threads: int | None = None,
+    ) -> FloatArray:
+        """The derivative of force and moment by the probe's pose, shape (6, 6); see `mixpinn.serving.stiffness`.
+
+        Args:
+            tip, rotation_deg, direction, rotation, history: of the probe, as in `press`.
+            threads: how many; None takes every core.
+
+        Raises:
+            InputError: as `press`.
+        """
+        from mixpinn.serving.stiffness import stiffness
+
+        return stiffness(
+            self, tip, rotation_deg=rotation_deg, direction=direction, rotation=rotation, history=history,
+            threads=threads,
         )
 
     def assess(self, nodes: AnyArray, displacements: AnyArray) -> Trust:

@@ -18,7 +18,6 @@ from mixpinn.physics.restraints import FREE, Restraints
 from mixpinn.records import TissueMesh
 from mixpinn.records.answer import Answer
 from mixpinn.serving.hybrid_predictor import HybridPredictor
-from mixpinn.serving.live.session import pressing_model
 
 _NICE = 10
 
@@ -49,7 +48,7 @@ class Setup:
     @staticmethod
     def of_predictor(predictor: HybridPredictor, pose: ProbePose) -> "Setup":
         """The bundle's scene with its first probe at a pose."""
-        model, equilibrium = pressing_model(predictor), predictor.model.newton.equilibrium
+        model, equilibrium = predictor.pressing, predictor.model.newton.equilibrium
         geometry, config = model.probes[0].geometry, model.contact.config
         return Setup(
             predictor.mesh, tuple(map(float, equilibrium.mu)), tuple(map(float, equilibrium.lam)), geometry.vertices,

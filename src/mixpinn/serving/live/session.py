@@ -3,6 +3,7 @@
 import threading
 import time
 from collections.abc import Callable
+from copy import copy
 from dataclasses import replace
 from pathlib import Path
 
@@ -60,7 +61,9 @@ class LiveSession:
             InputError: a network, or a bundle without contact from the pose.
         """
         self.predictor = checked_predictor(predictor)
-        self._model = pressing_model(self.predictor)
+        self._model = self.predictor.pressing
+        self._hurried = copy(self.predictor)
+        self._hurried.pose = replace(self._model, contact=self._model.contact.hurried())
         self.skin, self.friction = SkinPlacement(self._model), Friction(friction)
         self._worker, self._owns_worker = worker or PressWorker(), worker is None
         self._changed = threading.Condition()
@@ -254,7 +257,9 @@ class LiveSession:
         return LiveAnswer(sequence, placed, answer, matrices, done - self._began, done - began, remembered)
 
     def _ask(self, probes: tuple[LiveProbe, ...], history: object | None) -> Answer:
-        return self.predictor.press(
+        # A drag that cannot be followed is given up soon, for the straight way down; that one is as patient as ever.
+        predictor = self.predictor if history is None else self._hurried
+        return predictor.press(
             np.array([probe.pose.translation for probe in probes]),
             rotation=np.array([probe.pose.rotation for probe in probes]), history=history,
         )
@@ -297,20 +302,6 @@ def checked_predictor(predictor: AnyPredictor) -> HybridPredictor:
             got="a network, which takes contact displacements and cannot press", fix="train with --model hybrid",
         )
     return predictor
-
-
-def pressing_model(predictor: HybridPredictor) -> PoseModel:
-    """The pose model of a predictor.
-
-    Raises:
-        InputError: a bundle without contact from the pose.
-    """
-    if predictor.pose is None:
-        raise InputError(
-            predictor.name, expected="a bundle that takes poses", got="one that was made without a probe",
-            fix="fit the hybrid model on simulations that know their probe",
-        )
-    return predictor.pose
 
 
 def untouched(model: PoseModel, name: str) -> Answer:
