@@ -7,7 +7,6 @@ from mixpinn.server.igtl.polydata import PolyDataBody
 from mixpinn.server.igtl.ras import RasFrame
 from mixpinn.server.igtl.transform import TransformBody
 from mixpinn.serving.live import LiveSession
-from mixpinn.serving.live.session import pressing_model
 
 
 def probe_messages(session: LiveSession, frame: RasFrame) -> list[Message]:
@@ -17,7 +16,7 @@ def probe_messages(session: LiveSession, frame: RasFrame) -> list[Message]:
         session: whose first probe it is.
         frame: in which the place is given.
     """
-    model = pressing_model(session.predictor)
+    model = session.predictor.pressing
     surface = model.probes[0].geometry
     body = PolyDataBody(surface.vertices, surface.triangles)
     found = [Message(body.TYPE, PROBE_MODEL, body.pack())]
