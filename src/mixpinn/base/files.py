@@ -116,6 +116,11 @@ def _plain(value: Any) -> Any:
     raise TypeError(f"cannot write {type(value).__name__} as JSON")
 
 
+def plain_values(value: Any) -> Any:
+    """`value` (plain types, dataclasses, arrays, paths) as JSON gives it back."""
+    return json.loads(json.dumps(value, default=_plain))
+
+
 def write_json(path: Path | str, value: Any) -> None:
     """Write `value` (plain types, dataclasses, arrays, paths) to `path` as indented JSON, atomically."""
     write_text(path, json.dumps(value, indent=2, default=_plain) + "\n")
@@ -136,7 +141,7 @@ def read_json(path: Path | str) -> Any:
         raise InputError(
             str(path), expected="a JSON file", got=error.strerror or str(error), fix="check the path",
         ) from error
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
+    except (ValueError, RecursionError) as error:  # also numbers of thousands of digits, and brackets without end
         raise InputError(str(path), expected="valid JSON", got=str(error), fix="write the file again") from error
 
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from mixpinn.base.checksum import with_checksum, without_checksum
 from mixpinn.base.errors import InputError
 from mixpinn.base.files import hash_file, read_json, write_json
 
@@ -91,7 +92,8 @@ class Artefact:
                 )
 
     def _write(self, folder: Path, files: dict[str, dict[str, Any]]) -> None:
-        write_json(folder / self.manifest, {"format": self.kind, "version": self.version, "files": files})
+        content = {"format": self.kind, "version": self.version, "files": files}
+        write_json(folder / self.manifest, with_checksum(content))
 
     def _entries(self, folder: Path) -> dict[str, dict[str, Any]]:
         path = folder / self.manifest
@@ -101,7 +103,7 @@ class Artefact:
                 got="none (an older version wrote this, or a command that was stopped)",
                 fix=f"if you trust these files, add it with 'mixpinn seal {folder}'; else {self.remake}",
             )
-        values = read_json(path)
+        values = without_checksum(read_json(path), str(path), remake=self.remake)
         entries = values.get("files") if isinstance(values, dict) else None
         if not isinstance(entries, dict) or not all(
             isinstance(entry, dict) and isinstance(entry.get("size"), int) and isinstance(entry.get("sha256"), str)

@@ -74,7 +74,7 @@ def start_run(
     acquire(folder)
     record = folder / RECORD
     if record.exists():
-        before = read_json(record)
+        before = read_run(folder)
         if {key: before.get(key) for key in identity} == identity:
             return True
         changed = ", ".join(key for key in identity if before.get(key) != identity[key])
@@ -111,7 +111,7 @@ def finish_run(folder: Path | str, results: Mapping[str, Any]) -> None:
     """Add `results` and the time of completion to the run's record, and let other processes in."""
     record = Path(folder) / RECORD
     write_json(record, {
-        **read_json(record), "results": dict(results), "finished": datetime.now(UTC).isoformat(timespec="seconds"),
+        **read_run(folder), "results": dict(results), "finished": datetime.now(UTC).isoformat(timespec="seconds"),
     })
     release(folder)
 
@@ -119,7 +119,22 @@ def finish_run(folder: Path | str, results: Mapping[str, Any]) -> None:
 def is_finished(folder: Path | str) -> bool:
     """Whether the run directory holds a completed run."""
     record = Path(folder) / RECORD
-    return record.exists() and "finished" in read_json(record)
+    return record.exists() and "finished" in read_run(folder)
+
+
+def read_run(folder: Path | str) -> dict[str, Any]:
+    """What `start_run` and `finish_run` wrote.
+
+    Raises:
+        InputError: absent, or damaged.
+    """
+    record = Path(folder) / RECORD
+    values = read_json(record)
+    if not isinstance(values, dict) or not isinstance(values.get("config"), dict):
+        raise InputError(
+            str(record), expected="the record of a run", got="something else", fix="choose another output folder",
+        )
+    return values
 
 
 def _jsonable(value: Any) -> Any:

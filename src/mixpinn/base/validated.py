@@ -5,16 +5,18 @@ A damaged value is refused in one line that says where it stands, what was expec
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import asdict, dataclass, fields, is_dataclass
 from pathlib import Path
 from typing import Any, Literal, TypeVar
 
 import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
+from mixpinn.base.array_file import read_npy
 from mixpinn.base.arrays import AnyArray
+from mixpinn.base.checksum import with_checksum, without_checksum
 from mixpinn.base.errors import InputError
-from mixpinn.base.files import read_json
+from mixpinn.base.files import read_json, write_json
 
 R = TypeVar("R")
 _KINDS = {"number": "fiu", "index": "iu", "flag": "b"}
@@ -32,7 +34,13 @@ def load_record(kind: type[R], path: Path | str, *, remake: str, finite: bool = 
     Raises:
         InputError: absent, no JSON, a value that is missing, unknown, of another type or not finite.
     """
-    return checked_record(kind, read_json(path), str(path), remake=remake, finite=finite)
+    values = without_checksum(read_json(path), str(path), remake=remake)
+    return checked_record(kind, values, str(path), remake=remake, finite=finite)
+
+
+def save_record(path: Path | str, record: Any) -> None:
+    """Write a dataclass, or values by name, as JSON with a checksum, which `load_record` compares; atomically."""
+    write_json(path, with_checksum(asdict(record) if is_dataclass(record) and not isinstance(record, type) else record))
 
 
 def checked_record(kind: type[R], values: Any, where: str, *, remake: str, finite: bool = True) -> R:
@@ -92,17 +100,7 @@ class ArraySpec:
         def refuse(expected: str, got: str) -> InputError:
             return InputError(where, expected=expected, got=got, fix=remake)
 
-        if array.dtype.kind not in _KINDS[self.kind]:
-            raise refuse(f"an array of kind '{self.kind}'", str(array.dtype))
-        wanted = tuple(extents.get(axis, axis) if isinstance(axis, str) else axis for axis in self.shape)
-        fits = array.ndim == len(wanted) and all(
-            isinstance(axis, str) or axis == extent for axis, extent in zip(wanted, array.shape, strict=True)
-        )
-        if not fits:
-            raise refuse(f"an array of shape ({', '.join(map(str, wanted))})", str(array.shape))
-        for axis, extent in zip(wanted, array.shape, strict=True):
-            if isinstance(axis, str) and extents.setdefault(axis, extent) != extent:
-                raise refuse(f"axes '{axis}' of one extent", str(array.shape))
+        self.check_form(array.dtype, array.shape, where, extents=extents, remake=remake)
         if self.finite and array.dtype.kind == "f" and not np.isfinite(array).all():
             raise refuse("finite numbers", f"{int((~np.isfinite(array)).sum())} others")
         for bound, below in ((self.low, True), (self.high, False)):
@@ -111,6 +109,25 @@ class ArraySpec:
                     f"values of at {'least' if below else 'most'} {bound:g}",
                     f"{array.min() if below else array.max()}",
                 )
+
+    def check_form(
+        self, dtype: "np.dtype[Any]", shape: tuple[int, ...], where: str, *, extents: dict[str, int], remake: str,
+    ) -> None:
+        """Compare type and shape alone, as a file states them before it is read; operands and errors as `check`."""
+        def refuse(expected: str, got: str) -> InputError:
+            return InputError(where, expected=expected, got=got, fix=remake)
+
+        if dtype.kind not in _KINDS[self.kind]:
+            raise refuse(f"an array of kind '{self.kind}'", str(dtype))
+        wanted = tuple(extents.get(axis, axis) if isinstance(axis, str) else axis for axis in self.shape)
+        fits = len(shape) == len(wanted) and all(
+            isinstance(axis, str) or axis == extent for axis, extent in zip(wanted, shape, strict=True)
+        )
+        if not fits:
+            raise refuse(f"an array of shape ({', '.join(map(str, wanted))})", str(shape))
+        for axis, extent in zip(wanted, shape, strict=True):
+            if isinstance(axis, str) and extents.setdefault(axis, extent) != extent:
+                raise refuse(f"axes '{axis}' of one extent", str(shape))
 
 
 def load_arrays(
@@ -136,10 +153,9 @@ def load_arrays(
         if name in optional and not path.is_file():
             continue
         try:
-            array = np.load(path, allow_pickle=False, mmap_mode="r" if name in mapped else None)
-        except (OSError, ValueError, EOFError) as error:
-            # NumPy takes whatever is no array for a pickle, and advises to unpickle it.
-            got = "something else" if "pickle" in str(error) else f"{type(error).__name__}: {error}"
+            array = read_npy(path, mapped=name in mapped)
+        except (OSError, ValueError) as error:
+            got = f"{type(error).__name__}: {error}" if isinstance(error, OSError) else str(error)
             raise InputError(str(path), expected="a readable array", got=got, fix=remake) from error
         looked_at = spec if name not in mapped else ArraySpec(spec.kind, spec.shape, finite=False)
         looked_at.check(array, str(path), extents=known, remake=remake)

@@ -1,14 +1,13 @@
 """Dataset table: positions, poses and samples of each part of a split, as in the paper."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 from pydantic import Field
 
-from mixpinn.base.files import write_json
-from mixpinn.base.validated import load_record
+from mixpinn.base.validated import load_record, save_record
 from mixpinn.dataset.split import Split
 from mixpinn.records import SampleTable
 
@@ -40,7 +39,7 @@ class DatasetTable:
 
     def save(self, path: Path | str) -> None:
         """Write as JSON."""
-        write_json(path, asdict(self))
+        save_record(path, self)
 
     @staticmethod
     def load(path: Path | str) -> "DatasetTable":

@@ -13,6 +13,9 @@ from mixpinn.base.text_table import read_columns
 from mixpinn.geometry.probe_pose import probe_rotation
 from mixpinn.records import ProbePath
 
+_MOST_STEPS, _LEAST_SPACING = 10_000, 0.1
+"""Steps of one pose, and distance between positions [mm]; beyond them a setting is taken for a slip."""
+
 
 @dataclass(frozen=True)
 class Protocol:
@@ -54,8 +57,8 @@ class Protocol:
             "approach": (0.0 <= self.approach < np.inf, "0 mm or more"),
             "lag": (abs(self.lag) < np.inf, "a length"),
             "step": (0.0 < self.step < np.inf, "a positive length"),
-            "steps": (self.steps >= 1, "at least 1"),
-            "spacing": (0.0 < self.spacing < np.inf, "a positive length"),
+            "steps": (1 <= self.steps <= _MOST_STEPS, f"at least 1, at most {_MOST_STEPS:,}"),
+            "spacing": (_LEAST_SPACING <= self.spacing < np.inf, f"at least {_LEAST_SPACING:g} mm"),
             "direction": (float(np.linalg.norm(self.direction)) > 1e-9, "a vector that is not zero"),
             "max_positions": (self.max_positions is None or self.max_positions >= 1, "at least 1"),
         }

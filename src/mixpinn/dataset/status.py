@@ -1,15 +1,15 @@
 """Status: what became of one pose, and what a reader of the store must know of it without opening it."""
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from mixpinn.base.files import hash_arrays, is_foreign, write_json
-from mixpinn.base.validated import load_record
+from mixpinn.base.files import hash_arrays, is_foreign
+from mixpinn.base.validated import load_record, save_record
 from mixpinn.records import Simulation
 
 
@@ -61,7 +61,7 @@ class PoseStatus:
 
     def save(self, path: Path | str) -> None:
         """Write as JSON."""
-        write_json(path, asdict(self))
+        save_record(path, self)
 
     @staticmethod
     def load(path: Path | str) -> "PoseStatus":

@@ -282,7 +282,10 @@ class SimulationStore:
                 fix="run 'mixpinn simulate' again: finished poses are kept",
             )
         simulation = Simulation.load(self.pose_folder(pose))
-        if content_hash(simulation) != status.content_hash or simulation.mesh_hash != self.mesh_hash:
+        of_pose = (simulation.position_index, simulation.rotation_deg) == (pose.position_index, pose.rotation_deg)
+        if (
+            content_hash(simulation) != status.content_hash or simulation.mesh_hash != self.mesh_hash or not of_pose
+        ):
             raise InputError(
                 str(self.pose_folder(pose)), expected="the data that were saved", got="altered data",
                 fix="delete this folder and run 'mixpinn simulate' again: finished poses are kept",

@@ -5,8 +5,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from mixpinn.base.files import write_json
-from mixpinn.base.validated import load_record
+from mixpinn.base.validated import load_record, save_record
 from mixpinn.dataset.inverted_cells import InvertedCell, list_inverted
 from mixpinn.dataset.status import PoseState
 from mixpinn.dataset.store import SimulationStore
@@ -56,7 +55,7 @@ class GenerationSummary:
 
     def save(self, path: Path | str) -> None:
         """Write as JSON."""
-        write_json(path, asdict(self))
+        save_record(path, self)
 
     @staticmethod
     def load(path: Path | str) -> "GenerationSummary":

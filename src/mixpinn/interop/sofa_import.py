@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from mixpinn.base.array_file import read_npz
 from mixpinn.base.arrays import AnyArray, FloatArray, IntArray
 from mixpinn.base.errors import InputError
 from mixpinn.base.progress import track
@@ -152,9 +153,8 @@ def _read(path: Path, required: Sequence[str]) -> dict[str, Any]:
     if not path.is_file():
         raise InputError(str(path), expected="a SOFA recording (.npz)", got="no such file", fix="check the path")
     try:
-        with np.load(path, allow_pickle=False) as archive:
-            values = {name: archive[name] for name in archive.files}
-    except Exception as error:  # zip, zlib and numpy each raise their own kinds
+        values: dict[str, Any] = {**read_npz(path)}
+    except (OSError, ValueError) as error:
         raise InputError(
             str(path), expected="a readable SOFA recording (.npz)", got=str(error), fix="copy or record the file again",
         ) from error

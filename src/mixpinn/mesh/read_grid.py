@@ -1,8 +1,5 @@
 """Reading tetrahedra from whatever file they are in: volume cells and the data on them, nothing of lower dimension."""
 
-import contextlib
-import io
-import warnings
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +8,9 @@ import pyvista as pv
 
 from mixpinn.base.arrays import AnyArray
 from mixpinn.base.errors import InputError
+from mixpinn.base.reader_process import read_apart
+from mixpinn.base.validated import ArraySpec
+from mixpinn.records.grid_file import grid_arrays
 
 MESH_SUFFIXES = (
     ".vtu", ".vtk", ".msh", ".inp", ".mesh", ".med", ".xdmf", ".e", ".exo", ".bdf", ".nas", ".pvtu", ".vtm",
@@ -18,14 +18,11 @@ MESH_SUFFIXES = (
 """Endings of files that may hold tetrahedra, in upper or lower case."""
 ORIGINAL = "original_index"
 """Point data: the index of each point in the file, where points were left out."""
-_VTK = {".vtu", ".vtk", ".pvtu", ".vtm", ".e", ".exo"}
 _FLAT = {
-    kind for kind in pv.CellType
-    if kind.name in (
-        "EMPTY_CELL", "VERTEX", "POLY_VERTEX", "LINE", "POLY_LINE", "TRIANGLE", "TRIANGLE_STRIP", "POLYGON", "PIXEL",
-        "QUAD", "QUADRATIC_EDGE", "QUADRATIC_TRIANGLE", "QUADRATIC_QUAD",
-    )
+    "empty_cell", "vertex", "poly_vertex", "line", "poly_line", "triangle", "triangle_strip", "polygon", "pixel",
+    "quad", "quadratic_edge", "quadratic_triangle", "quadratic_quad",
 }
+_NAMES = {int(kind): kind.name.lower() for kind in pv.CellType}
 _EXPECTED, _FIX = "a readable tetrahedral mesh (.vtu, .vtk, .msh)", "check the path or export the mesh again as .vtu"
 
 
@@ -37,57 +34,70 @@ def read_tetrahedra(path: Path) -> pv.UnstructuredGrid:
     Raises:
         InputError: absent, unreadable, no tetrahedra, or other volume cells beside them.
     """
-    grid = _read(path)
-    kinds = {pv.CellType(kind) for kind in np.unique(grid.celltypes)}
-    other = {kind.name.lower() for kind in kinds - _FLAT} - {"tetra"}
-    if other or pv.CellType.TETRA not in kinds:
+    arrays, about = _read(path)
+    types, lengths = arrays["types"], np.diff(arrays["offsets"])
+    kinds = {_NAMES.get(kind, f"number {kind}") for kind in np.unique(types).tolist()}
+    chosen = types == pv.CellType.TETRA
+    other = kinds - _FLAT - {"tetra"}
+    if other or not chosen.any():
         raise InputError(
-            str(path), expected="linear tetrahedra only",
-            got="cells of type " + ", ".join(sorted(other or {kind.name.lower() for kind in kinds})),
+            str(path), expected="linear tetrahedra only", got="cells of type " + ", ".join(sorted(other or kinds)),
             fix="extract the tetrahedra or convert the mesh",
         )
-    return grid if len(kinds) == 1 else _without_flat_cells(grid)
+    if (lengths[chosen] != 4).any():
+        raise InputError(str(path), expected="four points a tetrahedron", got="another number", fix=_FIX)
+    corners = arrays["connectivity"]
+    cells = corners[arrays["offsets"][:-1][chosen][:, None] + np.arange(4)]
+    grid = _grid(cells, chosen, arrays, about)
+    if chosen.all():
+        return grid
+    flat = np.zeros(grid.n_points, dtype=bool)
+    flat[corners[np.repeat(~chosen, lengths)]] = True
+    flat[cells] = False
+    return keep(grid, cells, np.ones(len(cells), dtype=bool), ~flat)
 
 
-def _read(path: Path) -> pv.UnstructuredGrid:
+def _read(path: Path) -> tuple[dict[str, AnyArray], Any]:
+    """The arrays of `grid_arrays`, checked: what is wrong in a file may come out of its reader, too."""
     if not path.is_file():
         raise InputError(str(path), expected=_EXPECTED, got="no such file", fix=_FIX)
     suffix = path.suffix.lower()
     if suffix not in MESH_SUFFIXES:
         raise InputError(str(path), expected=_EXPECTED, got=f"a file of type {suffix or 'without suffix'}", fix=_FIX)
     try:
-        with pv.vtk_verbosity("off"), warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            grid = pv.read(path, force_ext=suffix) if suffix in _VTK else pv.from_meshio(_through_meshio(path))
-            if isinstance(grid, pv.MultiBlock):
-                grid = grid.combine(merge_points=False)
-    except Exception as error:  # readers raise many kinds: XML, encoding, structure
-        raise InputError(str(path), expected=_EXPECTED, got=f"{type(error).__name__}: {error}", fix=_FIX) from error
-    if not isinstance(grid, pv.UnstructuredGrid) or not grid.n_cells:
-        got = f"a damaged file or no cells ({type(grid).__name__})"
-        raise InputError(str(path), expected=_EXPECTED, got=got, fix=_FIX)
+        arrays, about = read_apart(grid_arrays, path)
+    except ValueError as error:
+        raise InputError(str(path), expected=_EXPECTED, got=str(error), fix=_FIX) from error
+    corners, offsets, count = arrays["connectivity"], arrays["offsets"], len(arrays["types"])
+    specs = {
+        "points": ArraySpec("number", ("points", 3)), "types": ArraySpec("index", ("cells",), low=0),
+        "offsets": ArraySpec("index", (count + 1,), low=0, high=len(corners)),
+        "connectivity": ArraySpec("index", ("corners",), low=0, high=len(arrays["points"]) - 1),
+    }
+    for name, spec in specs.items():
+        spec.check(arrays[name], f"{path}: {name}", extents={}, remake=_FIX)
+    if offsets[0] != 0 or offsets[-1] != len(corners) or (np.diff(offsets) < 0).any():
+        raise InputError(str(path), expected="cells one after the other", got="cells that overlap", fix=_FIX)
+    for group, length in (("point_data", len(arrays["points"])), ("cell_data", count)):
+        for index, name in enumerate(about[group]):
+            if len(arrays[f"{group}.{index}"]) != length:
+                raise InputError(
+                    f"{path}: {name}", expected=f"{length} values", got=str(len(arrays[f"{group}.{index}"])), fix=_FIX,
+                )
+    return arrays, about
+
+
+def _grid(cells: AnyArray, chosen: AnyArray, arrays: dict[str, AnyArray], about: Any) -> pv.UnstructuredGrid:
+    grid = pv.UnstructuredGrid({pv.CellType.TETRA: cells}, arrays["points"])
+    for index, name in enumerate(about["point_data"]):
+        grid.point_data[name] = arrays[f"point_data.{index}"]
+    for index, name in enumerate(about["cell_data"]):
+        grid.cell_data[name] = arrays[f"cell_data.{index}"][chosen]
+    for index, name in enumerate(about["field_data"]):
+        grid.field_data[name] = arrays[f"field_data.{index}"]
+    for name, texts in about["text"].items():
+        grid.field_data[name] = texts
     return grid
-
-
-def _through_meshio(path: Path) -> Any:
-    import meshio
-
-    try:
-        with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
-            return meshio.read(path)
-    except SystemExit as error:  # its way to say that a file cannot be read
-        raise ValueError(f"not a file of type {path.suffix.lower()}") from error
-
-
-def _without_flat_cells(grid: pv.UnstructuredGrid) -> pv.UnstructuredGrid:
-    cells = np.asarray(grid.cells_dict[pv.CellType.TETRA])
-    chosen = np.asarray(grid.celltypes) == pv.CellType.TETRA
-    flat_points = np.zeros(grid.n_points, dtype=bool)
-    ends = np.asarray(grid.cell_offsets)
-    lengths = np.diff(ends)
-    flat_points[np.asarray(grid.cell_connectivity)[np.repeat(~chosen, lengths)]] = True
-    flat_points[cells] = False
-    return keep(grid, cells, chosen, ~flat_points)
 
 
 def keep(grid: pv.UnstructuredGrid, cells: AnyArray, chosen: AnyArray, points: AnyArray) -> pv.UnstructuredGrid:

@@ -10,10 +10,10 @@ from mixpinn.base.errors import InputError
 from mixpinn.base.files import read_json, write_json
 from mixpinn.base.manifest import Artefact
 from mixpinn.base.rundir import versions
-from mixpinn.base.validated import checked_record
+from mixpinn.base.validated import ArraySpec, checked_record
 from mixpinn.graph import MeshGraph
 from mixpinn.networks.config import MODELS, ModelConfig
-from mixpinn.networks.displacement_model import DisplacementModel, build_graph_for, build_model
+from mixpinn.networks.displacement_model import DisplacementModel, build_graph_for, build_model, parameter_shapes
 from mixpinn.networks.tensor_file import read_tensors, write_tensors
 from mixpinn.records import MESH_FILE, TissueMesh
 from mixpinn.records.answer import discretisation_of
@@ -115,6 +115,16 @@ def load_checkpoint(
     NETWORK.check(folder, WEIGHTS_FILE)
     tensors, _ = read_tensors(folder / WEIGHTS_FILE)
     graph = build_graph_for(config, mesh)
+    where = str(folder / WEIGHTS_FILE)
+    for name, shape in parameter_shapes(config, graph).items():  # compared before a network of any size is made
+        if name not in tensors:
+            raise InputError(
+                where, expected="the weights of the network that model.json describes", got=f"none for {name}",
+                fix=NETWORK.remake,
+            )
+        ArraySpec("number", shape).check(
+            tensors[name].numpy(), f"{where}: {name}", extents={}, remake=NETWORK.remake,
+        )
     model = build_model(config, graph)
     try:
         model.load_state_dict(tensors)

@@ -1,8 +1,11 @@
 """DisplacementModel: a network with its graph and scaling, from contact displacement to displacement, in mm."""
 
+import math
+
 import torch
 from torch import Tensor, nn
 
+from mixpinn.base.bounded import require_memory
 from mixpinn.graph import (
     MeshGraph,
     Scaling,
@@ -107,15 +110,32 @@ def build_model(config: ModelConfig, graph: MeshGraph, *, seed: int = 0) -> Disp
         config: which network.
         graph: made by `build_graph_for` with the same configuration.
         seed: of the initial weights.
+
+    Raises:
+        InputError: a network that does not fit into the memory at hand.
     """
+    shapes = parameter_shapes(config, graph)
+    require_memory(
+        16 * sum(map(math.prod, shapes.values())), what="model", holds=f"{len(shapes)} tensors with what trains them",
+        fix="choose fewer layers, heads or channels",
+    )
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
-        network: GATNetwork | PhysGNNNetwork
-        if config.architecture == "physgnn":
-            network = PhysGNNNetwork(graph.n_inputs, hidden=config.hidden)
-        else:
-            network = GATNetwork(
-                graph.n_inputs, layers=config.layers, heads=config.heads, hidden=config.hidden,
-                n_edge_inputs=graph.edge_features.shape[1] if config.edge_features else None,
-            )
+        network = _network(config, graph)
     return DisplacementModel(config, graph, network)
+
+
+def parameter_shapes(config: ModelConfig, graph: MeshGraph) -> dict[str, tuple[int, ...]]:
+    """Shape of each tensor of the network by name, without any of them being made; operands as in `build_model`."""
+    with torch.random.fork_rng(devices=[]), torch.device("meta"):
+        network = _network(config, graph)
+    return {f"network.{name}": tuple(tensor.shape) for name, tensor in network.state_dict().items()}
+
+
+def _network(config: ModelConfig, graph: MeshGraph) -> GATNetwork | PhysGNNNetwork:
+    if config.architecture == "physgnn":
+        return PhysGNNNetwork(graph.n_inputs, hidden=config.hidden)
+    return GATNetwork(
+        graph.n_inputs, layers=config.layers, heads=config.heads, hidden=config.hidden,
+        n_edge_inputs=graph.edge_features.shape[1] if config.edge_features else None,
+    )

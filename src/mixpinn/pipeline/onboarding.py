@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from mixpinn.base.errors import InputError
-from mixpinn.base.files import write_json, write_text
+from mixpinn.base.files import write_text
 from mixpinn.base.progress import console
 from mixpinn.base.rundir import finish_run, run_scope, start_run
-from mixpinn.base.validated import load_record
+from mixpinn.base.validated import load_record, save_record
 from mixpinn.dataset import SimulationStore, Split, build_sample_table, farthest_first, generate
 from mixpinn.evaluation import evaluate
 from mixpinn.evaluation.onboarding_report import draw_rounds, rounds_report
@@ -224,4 +224,4 @@ class _Clock:
         """Keep an entry; one of an earlier session for the same stage stands."""
         if all(entry["stage"] != known["stage"] for known in self.rounds):
             self.rounds.append(entry)
-        write_json(self.file, {"seconds": self.seconds(), "rounds": self.rounds})
+        save_record(self.file, {"seconds": self.seconds(), "rounds": self.rounds})

@@ -6,10 +6,9 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TypeVar
 
-from mixpinn.base.files import write_json
 from mixpinn.base.progress import console
 from mixpinn.base.rundir import finish_run, run_scope, start_run
-from mixpinn.base.validated import load_record
+from mixpinn.base.validated import load_record, save_record
 from mixpinn.evaluation import Table, results_table
 from mixpinn.pipeline.config import RunConfig
 from mixpinn.stages.anatomy import AnatomyResult, make_anatomy
@@ -38,7 +37,7 @@ class _Clock:
         start = time.perf_counter()
         result = work()
         self.seconds[name] = max(self.seconds.get(name, 0.0), time.perf_counter() - start)
-        write_json(self._path, self.seconds)
+        save_record(self._path, self.seconds)
         return result
 
 

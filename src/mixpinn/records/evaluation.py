@@ -1,14 +1,13 @@
 """Evaluation: the metrics of one model on one split, sample by sample."""
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from mixpinn.base.arrays import FloatArray
-from mixpinn.base.files import write_json
-from mixpinn.base.validated import ArraySpec, load_record
+from mixpinn.base.validated import ArraySpec, load_record, save_record
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +34,7 @@ class Evaluation:
 
     def save(self, path: Path | str) -> None:
         """Write as JSON."""
-        write_json(path, asdict(self))
+        save_record(path, self)
 
     @staticmethod
     def load(path: Path | str) -> "Evaluation":

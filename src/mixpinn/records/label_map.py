@@ -10,6 +10,7 @@ from mixpinn.base.errors import InputError
 from mixpinn.base.files import atomic_path, hash_arrays, write_json
 from mixpinn.base.manifest import Artefact
 from mixpinn.base.validated import ArraySpec, load_record
+from mixpinn.records.voxels import read_labels
 
 SCANNER_TO_WORLD = np.diag([1.0, -1.0, -1.0, 1.0])
 """RAS scanner axes turned 180 degrees about x: world (x, y, z) = (right, posterior, caudal)."""
@@ -103,15 +104,15 @@ class LabelMap:
         Raises:
             InputError: absent or damaged.
         """
-        import nibabel as nib
-
         path = Path(path)
         # gzip's own checksum is not looked at by nibabel.
         label_map_files(path).check(path.parent, path.name, sidecar(path).name)
         about = load_record(_About, sidecar(path), remake=_REMAKE)
         affine, world_to_scanner = (np.array(rows, dtype=np.float64) for rows in (about.affine, about.world_to_scanner))
         try:
-            labels = np.asarray(nib.load(path).dataobj).astype(np.uint8)
+            labels = np.asarray(read_labels(path))
+        except InputError:
+            raise
         except Exception as error:  # nibabel raises many kinds: zlib, EOF, header
             raise InputError(
                 str(path), expected="a label map and its description", got=f"{type(error).__name__}: {error}",
@@ -119,9 +120,15 @@ class LabelMap:
             ) from error
         known = len(about.soft_names) + len(about.rigid_names)
         ArraySpec("index", ("i", "j", "k"), low=0, high=known).check(labels, str(path), extents={}, remake=_REMAKE)
+        for name, matrix in (("affine", affine), ("world_to_scanner", world_to_scanner)):
+            if abs(np.linalg.det(matrix)) < 1e-12:
+                raise InputError(
+                    f"{sidecar(path)}: {name}", expected="a matrix that can be inverted", got="another one",
+                    fix=_REMAKE,
+                )
         return LabelMap(
-            labels, affine, world_to_scanner, about.soft_names, about.rigid_names, about.doubts, about.cut_names,
-            about.target_names, about.phantom,
+            labels.astype(np.uint8), affine, world_to_scanner, about.soft_names, about.rigid_names, about.doubts,
+            about.cut_names, about.target_names, about.phantom,
         )
 
 

@@ -1,6 +1,5 @@
 """Probe: the rigid tool's surface; ProbePath: how it moves."""
 
-import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -9,6 +8,7 @@ import numpy as np
 from mixpinn.base.arrays import FloatArray, IntArray
 from mixpinn.base.errors import InputError
 from mixpinn.base.files import hash_arrays
+from mixpinn.records.surface_file import read_surface
 from mixpinn.records.vtk_file import write_vtk
 
 _SMALLEST, _LARGEST, _OFF = 2.0, 1000.0, 3.0
@@ -46,27 +46,8 @@ class Probe:
         Raises:
             InputError: absent, unreadable or without triangles.
         """
-        import pyvista as pv
-
         path = Path(path)
-        if not path.is_file():
-            raise InputError(str(path), expected="a probe surface (.stl)", got="no such file", fix="check the path")
-        try:
-            with pv.vtk_verbosity("off"), warnings.catch_warnings():
-                warnings.simplefilter("ignore")
-                read = pv.read(path)
-            surface = read.extract_surface(algorithm="dataset_surface").triangulate().clean()
-            triangles = surface.regular_faces.astype(np.int64)
-        except Exception as error:
-            raise InputError(
-                str(path), expected="a readable triangle surface", got=str(error), fix="export it as STL",
-            ) from error
-        points = np.asarray(surface.points, dtype=np.float64)
-        if not len(triangles) or not np.isfinite(points).all():
-            raise InputError(
-                str(path), expected="a triangle surface with finite vertices",
-                got=f"{len(triangles)} readable triangles", fix="export the probe again as STL",
-            )
+        points, triangles = read_surface(path, expected="a triangle surface (.stl)", fix="export it as STL again")
         return Probe(points, triangles, path.stem)
 
 

@@ -1,13 +1,18 @@
 """Simulation: one pose of the probe, pressed in step by step."""
 
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from mixpinn.base.arrays import AnyArray, BoolArray, Float32Array, FloatArray, IntArray
+from mixpinn.base.bounded import require_memory
 from mixpinn.base.errors import InputError
 from mixpinn.base.files import atomic_path
+from mixpinn.base.validated import ArraySpec
 from mixpinn.records.probe import ProbePath
 
 
@@ -129,7 +134,10 @@ class Simulation:
 
         try:
             group = zarr.open_group(str(folder), mode="r")
-            values = {name: np.asarray(group[name][...]) for name in group.array_keys()}
+            found = {name: group[name] for name in group.array_keys()}
+            _check_claims(found, str(folder))  # before anything is unpacked
+            values = {name: np.asarray(array[...]) for name, array in found.items()}
+            _check_values(values, str(folder))
             path = ProbePath(
                 values.pop("path_translations"), values.pop("path_rotations"), values.pop("path_depths"),
             )
@@ -137,8 +145,72 @@ class Simulation:
                 mesh_hash=str(group.attrs["mesh_hash"]), position_index=int(group.attrs["position_index"]),
                 rotation_deg=float(group.attrs["rotation_deg"]), path=path, **values,
             )
+        except InputError:
+            raise
         except Exception as error:
+            text = " ".join(str(error).split())[:200]
             raise InputError(
-                str(folder), expected="a complete simulation", got=f"{type(error).__name__}: {error}",
-                fix="delete it and run 'mixpinn simulate' again: finished poses are kept",
+                str(folder), expected="a complete simulation", got=f"{type(error).__name__}: {text}", fix=_REMAKE,
             ) from error
+
+
+_REMAKE = "delete it and run 'mixpinn simulate' again: finished poses are kept"
+_STEP = ArraySpec("number", ("steps",), finite=False)
+"""One number a step, NaN where it is not known."""
+_ARRAYS = {
+    "path_translations": ArraySpec("number", ("steps", 3)), "path_rotations": ArraySpec("number", ("steps", 3, 3)),
+    "path_depths": ArraySpec("number", ("steps",)),
+    "displacement": ArraySpec("number", ("steps", "nodes", 3), finite=False),
+    "contact_offsets": ArraySpec("index", ("offsets",), low=0),
+    "contact_nodes": ArraySpec("index", ("contacts",), low=0),
+    "contact_forces": ArraySpec("number", ("contacts", 3), finite=False),
+    "probe_wrench": ArraySpec("number", ("steps", 6), finite=False),
+    "part_rotation": ArraySpec("number", ("steps", "parts", 3, 3), finite=False),
+    "part_translation": ArraySpec("number", ("steps", "parts", 3), finite=False),
+    "converged": ArraySpec("flag", ("steps",)), "residual": _STEP,
+    "iterations": ArraySpec("index", ("steps",), low=0), "energy": _STEP, "min_jacobian": _STEP, "penetration": _STEP,
+    "seconds": _STEP, "part_wrench": ArraySpec("number", ("steps", "parts", 6), finite=False),
+}
+_OPTIONAL = ("part_wrench",)
+
+
+def _check_claims(found: Mapping[str, Any], where: str) -> None:
+    """Compare kinds and shapes that the arrays state with each other, and their sizes with the memory at hand."""
+    absent = [name for name in _ARRAYS if name not in found and name not in _OPTIONAL]
+    unknown = sorted(set(found) - set(_ARRAYS))
+    if absent or unknown:
+        raise InputError(
+            where, expected="the arrays of a simulation",
+            got=f"no {', '.join(absent)}" if absent else f"an array {unknown[0]!r}", fix=_REMAKE,
+        )
+    size = sum(math.prod(array.shape) * array.dtype.itemsize for array in found.values())
+    require_memory(2 * size, what=where, holds="arrays", fix=_REMAKE)
+    extents: dict[str, int] = {}
+    for name, array in found.items():
+        _ARRAYS[name].check_form(array.dtype, array.shape, f"{where}: {name}", extents=extents, remake=_REMAKE)
+    if extents["offsets"] != extents["steps"] + 1:
+        raise InputError(
+            f"{where}: contact_offsets", expected=f"{extents['steps'] + 1} of them", got=str(extents["offsets"]),
+            fix=_REMAKE,
+        )
+
+
+def _check_values(values: Mapping[str, AnyArray], where: str) -> None:
+    for name, array in values.items():
+        _ARRAYS[name].check(array, f"{where}: {name}", extents={}, remake=_REMAKE)
+    offsets, nodes = values["contact_offsets"], values["contact_nodes"]
+    n_nodes = values["displacement"].shape[1]
+    if offsets[0] != 0 or offsets[-1] != len(nodes) or (np.diff(offsets) < 0).any():
+        raise InputError(
+            f"{where}: contact_offsets", expected=f"offsets that rise from 0 to {len(nodes)}", got="others",
+            fix=_REMAKE,
+        )
+    solved = values["converged"].astype(bool)
+    for name in ("displacement", "probe_wrench", "part_rotation", "part_translation"):
+        ArraySpec("number", values[name][solved].shape).check(
+            values[name][solved], f"{where}: {name} of steps that converged", extents={}, remake=_REMAKE,
+        )
+    if len(nodes) and nodes.max() >= n_nodes:
+        raise InputError(
+            f"{where}: contact_nodes", expected=f"nodes below {n_nodes}", got=str(nodes.max()), fix=_REMAKE,
+        )

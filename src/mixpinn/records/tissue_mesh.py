@@ -10,6 +10,7 @@ import numpy as np
 from mixpinn.base.arrays import AnyArray, BoolArray, FloatArray, Int32Array, IntArray
 from mixpinn.base.errors import InputError
 from mixpinn.base.files import hash_arrays
+from mixpinn.base.validated import ArraySpec
 from mixpinn.records.doubts import packed, unpacked
 from mixpinn.records.label_map import SCANNER_TO_WORLD
 from mixpinn.records.mid_edges import edge_index, mid_edge_labels
@@ -31,6 +32,9 @@ FACE_EDGES = np.array([[0, 1], [1, 2], [2, 0]])
 
 FACE_QUARTERS = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]])
 """The four triangles between the nodes of a six-node face, oriented as the face."""
+
+
+_REMAKE = "make or export the mesh again"
 
 
 @dataclass(frozen=True, eq=False)
@@ -257,9 +261,7 @@ class TissueMesh:
         try:
             grid = TetraGrid.read(path)
         except ValueError as error:
-            raise InputError(
-                str(path), expected="a readable mesh (.vtu)", got=str(error), fix="make or export the mesh again",
-            ) from error
+            raise InputError(str(path), expected="a readable mesh (.vtu)", got=str(error), fix=_REMAKE) from error
         data = grid.field_data
         names = {"rigid_names", "tissue_names", "world_to_scanner"}
         if not {"part", "fixed"} <= set(grid.point_data) or "tissue" not in grid.cell_data or not names <= set(data):
@@ -267,6 +269,7 @@ class TissueMesh:
                 str(path), expected="point data 'part' and 'fixed' and cell data 'tissue'",
                 got=f"point data {sorted(grid.point_data)}", fix="import it with 'mixpinn mesh FILE.vtu'",
             )
+        _check_values(grid, str(path))
         nodes = grid.cells if grid.cells.shape[1] == 10 else None
         order, cells = (1, grid.cells) if nodes is None else (2, nodes[:, :4])
         points, n = grid.points, len(grid.points)
@@ -289,6 +292,29 @@ class TissueMesh:
                 got="other nodes", fix="import the linear mesh and choose quadratic elements afterwards",
             )
         return mesh
+
+
+def _check_values(grid: TetraGrid, where: str) -> None:
+    """Refuse values that no mesh has, as a damaged or an edited file may have them."""
+    data = grid.field_data
+    for name in ("rigid_names", "tissue_names", "doubts"):
+        try:
+            sound = isinstance(data.get(name, []), list) and all(_text(text) is not None for text in data.get(name, []))
+        except UnicodeDecodeError:
+            sound = False
+        if not sound:
+            raise InputError(f"{where}: {name}", expected="texts", got="something else", fix=_REMAKE)
+    rigid, tissues = (sum(1 for name in data[names] if name) for names in ("rigid_names", "tissue_names"))
+    arrays = {
+        "points": (grid.points, ArraySpec("number", ("n", 3))),
+        "part": (grid.point_data["part"], ArraySpec("index", ("n",), low=0, high=rigid)),
+        "fixed": (grid.point_data["fixed"], ArraySpec("index", ("n",), low=0, high=1)),
+        "tissue": (grid.cell_data["tissue"], ArraySpec("index", (len(grid.cells),), low=0, high=tissues - 1)),
+        "world_to_scanner": (np.asarray(data["world_to_scanner"]).ravel(), ArraySpec("number", (16,))),
+    }
+    extents: dict[str, int] = {"n": len(grid.points)}
+    for name, (array, spec) in arrays.items():
+        spec.check(np.asarray(array), f"{where}: {name}", extents=extents, remake=_REMAKE)
 
 
 def _ascii(name: str) -> str:

@@ -1,4 +1,4 @@
-"""Tetrahedra in VTK's ``.vtu`` with arrays on points, cells and the whole, by VTK's own reader and writer.
+"""Tetrahedra in VTK's ``.vtu`` with arrays on points, cells and the whole: written by VTK, read without it.
 
 PyVista does the same and much more; its import takes ten times as long as a reader that needs no pictures.
 """
@@ -10,12 +10,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from vtkmodules.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray, vtk_to_numpy
+from vtkmodules.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray
 from vtkmodules.vtkCommonCore import vtkLogger, vtkObject, vtkPoints, vtkStringArray
 from vtkmodules.vtkCommonDataModel import VTK_QUADRATIC_TETRA, VTK_TETRA, vtkCellArray, vtkUnstructuredGrid
-from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridReader, vtkXMLUnstructuredGridWriter
+from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridWriter
 
 from mixpinn.base.arrays import AnyArray, FloatArray
+from mixpinn.base.reader_process import read_apart
+from mixpinn.records.grid_file import grid_arrays
+from mixpinn.records.vtu_parse import ParsedGrid, UnknownEncodingError, parse_vtu
 
 _KINDS = {4: VTK_TETRA, 10: VTK_QUADRATIC_TETRA}
 """VTK's kind of a tetrahedron by its number of nodes."""
@@ -63,27 +66,37 @@ class TetraGrid:
         """Read a ``.vtu`` of linear or of quadratic tetrahedra; cells of other kinds are left out.
 
         Raises:
-            ValueError: VTK cannot read it.
+            ValueError: damaged, or without tetrahedra.
         """
-        reader = vtkXMLUnstructuredGridReader()
-        with silence():
-            if not reader.CanReadFile(str(path)):
-                raise ValueError("not a VTK file of an unstructured grid")
-            reader.SetFileName(str(path))
-            reader.Update()
-        grid = reader.GetOutput()
-        if reader.GetErrorCode() or grid is None or not grid.GetNumberOfPoints() or not grid.GetNumberOfCells():
-            raise ValueError("damaged, or without points and cells")
-        offsets = vtk_to_numpy(grid.GetCells().GetOffsetsArray())
-        corners = vtk_to_numpy(grid.GetCells().GetConnectivityArray())
-        kinds = vtk_to_numpy(grid.GetCellTypes())
+        path = Path(path)
+        try:
+            grid = parse_vtu(path.read_bytes())
+        except UnknownEncodingError:
+            grid = _read_by_vtk(path)
+        kinds = grid.types
         n_corners = 10 if (kinds == VTK_QUADRATIC_TETRA).any() else 4
         tetra = np.flatnonzero(kinds == _KINDS[n_corners])
+        ends = grid.offsets.astype(np.int64)
+        starts = np.concatenate([[0], ends])[tetra]
+        if not len(tetra) or (ends[tetra] - starts != n_corners).any():
+            raise ValueError("no tetrahedra" if not len(tetra) else f"tetrahedra without {n_corners} points")
         return TetraGrid(
-            vtk_to_numpy(grid.GetPoints().GetData()).astype(np.float64),
-            corners[offsets[tetra][:, None] + np.arange(n_corners)].astype(np.int64),
-            _arrays(grid.GetPointData()), _arrays(grid.GetCellData()), _arrays(grid.GetFieldData()),
+            grid.points.astype(np.float64), grid.connectivity[starts[:, None] + np.arange(n_corners)].astype(np.int64),
+            grid.point_data, {name: values[tetra] for name, values in grid.cell_data.items()}, grid.field_data,
         )
+
+
+def _read_by_vtk(path: Path) -> ParsedGrid:
+    """What VTK makes of a file in another encoding, in a process of its own."""
+    arrays, about = read_apart(grid_arrays, path)
+    data: dict[str, dict[str, Any]] = {
+        group: {name: arrays[f"{group}.{index}"] for index, name in enumerate(about[group])}
+        for group in ("point_data", "cell_data", "field_data")
+    }
+    return ParsedGrid(
+        arrays["points"], arrays["connectivity"], arrays["offsets"][1:], arrays["types"], data["point_data"],
+        data["cell_data"], data["field_data"] | about["text"],
+    )
 
 
 def vtu_text(grid: vtkUnstructuredGrid) -> str:
@@ -121,13 +134,3 @@ def _array(name: str, values: Any) -> Any:
     array.SetName(name)
     return array
 
-
-def _arrays(data: Any) -> dict[str, Any]:
-    found: dict[str, Any] = {}
-    for index in range(data.GetNumberOfArrays()):
-        array = data.GetAbstractArray(index)
-        if isinstance(array, vtkStringArray):
-            found[array.GetName()] = [array.GetValue(i) for i in range(array.GetNumberOfValues())]
-        else:
-            found[array.GetName()] = vtk_to_numpy(array)
-    return found

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from mixpinn.base.array_file import read_npz
 from mixpinn.base.arrays import AnyArray
 from mixpinn.base.errors import InputError
 from mixpinn.base.files import read_json
@@ -93,8 +94,8 @@ def _read_json(path: Path) -> tuple[AnyArray, AnyArray]:
 
 
 def _read_npz(path: Path) -> tuple[AnyArray, AnyArray]:
-    with np.load(path, allow_pickle=False) as values:
-        return values["nodes"], values["displacements"]
+    values = read_npz(path, ("nodes", "displacements"))
+    return values["nodes"], values["displacements"]
 
 
 def read_sample(address: SampleAddress, *, mesh_hash: str) -> Sample:

@@ -23,7 +23,7 @@ from mixpinn.base.errors import InputError
 from mixpinn.base.files import write_json
 from mixpinn.base.rundir import RECORD, finish_run, is_finished, run_scope, start_run
 from mixpinn.base.validated import load_record
-from mixpinn.records.label_map import LabelMap
+from mixpinn.records.label_map import LabelMap, label_map_files
 
 LABELS_FILE, FINDINGS_FILE, PICTURE_FILE = "labels.nii.gz", "findings.json", "labels.png"
 
@@ -134,12 +134,16 @@ def make_anatomy(config: AnatomyConfig, *, out: Path | str | None = None) -> Ana
         start_run(out, "anatomy", config, inputs=inputs, seed=config.seed)
     result.label_map.save(out / LABELS_FILE)
     write_json(out / FINDINGS_FILE, [asdict(finding) for finding in result.findings])
+    label_map_files(out / LABELS_FILE).seal_more(out, [FINDINGS_FILE])
     draw_label_map(result.label_map, out / PICTURE_FILE, findings=result.findings)
     finish_run(out, _summary(result))
     return result
 
 
 def _load(out: Path) -> AnatomyResult:
+    files = label_map_files(out / LABELS_FILE)
+    if files.lists(out, FINDINGS_FILE):  # an older version did not list them
+        files.check(out, FINDINGS_FILE)
     findings = load_record(tuple[Finding, ...], out / FINDINGS_FILE, remake="run 'mixpinn anatomy' again")
     return AnatomyResult(LabelMap.load(out / LABELS_FILE), findings)
 

@@ -12,9 +12,9 @@ import numpy as np
 from mixpinn.base.arrays import IntArray
 from mixpinn.base.config import build_config
 from mixpinn.base.errors import InputError, MixpinnError
-from mixpinn.base.files import hash_arrays, read_json, write_json
+from mixpinn.base.files import hash_arrays, write_json
 from mixpinn.base.progress import console
-from mixpinn.base.rundir import RECORD, finish_run, run_scope, start_run
+from mixpinn.base.rundir import finish_run, read_run, run_scope, start_run
 from mixpinn.dataset import SimulationStore, Split
 from mixpinn.evaluation import ZeroModel
 from mixpinn.networks import MIXPINN
@@ -96,7 +96,7 @@ def write_finished(out: Path, config: AblationConfig) -> Path:
     Raises:
         InputError: no table there, one with other settings, or nothing finished.
     """
-    before = read_json(out / RECORD)
+    before = read_run(out)
     if before.get("config") != json.loads(json.dumps(_settings(config))):
         raise InputError(
             str(out), expected="a table with these settings", got="one with others",

@@ -1,13 +1,14 @@
 """Reading MetaImage (``.mha``, ``.mhd``) as a label image."""
 
-import zlib
 from pathlib import Path
 
 import numpy as np
 
 from mixpinn.anatomy.images.label_image import LPS_TO_RAS, LabelImage, make_label_image
 from mixpinn.base.arrays import AnyArray, FloatArray
+from mixpinn.base.bounded import unpack
 from mixpinn.base.errors import InputError
+from mixpinn.records.voxels import check_extents
 
 _TYPES = {
     "MET_CHAR": "i1", "MET_UCHAR": "u1", "MET_SHORT": "i2", "MET_USHORT": "u2", "MET_INT": "i4", "MET_UINT": "u4",
@@ -76,7 +77,7 @@ def _numbers(path: Path, text: str, count: int) -> FloatArray:
     return values
 
 
-def _data(path: Path, fields: dict[str, str], body: bytes) -> AnyArray:
+def _data(path: Path, fields: dict[str, str], body: bytes | bytearray) -> AnyArray:
     file = fields["elementdatafile"]
     if file.lower() != "local":
         if not (path.parent / file).is_file():
@@ -86,18 +87,18 @@ def _data(path: Path, fields: dict[str, str], body: bytes) -> AnyArray:
     header_size = fields.get("headersize", "0")
     if kind is None or fields.get("binarydata", "True").lower() != "true" or header_size != "0":
         raise _bad(path, "binary numbers of one type", fields.get("elementtype", "no ElementType"))
+    order = fields.get("elementbyteordermsb", fields.get("binarydatabyteordermsb", "False")).lower()
+    dtype = np.dtype(kind).newbyteorder(">" if order == "true" else "<")
+    sizes = [int(size) for size in _numbers(path, fields.get("dimsize", ""), 3)]
+    expected = check_extents(sizes, dtype.itemsize, str(path))
     if fields.get("compresseddata", "False").lower() == "true":
         try:
-            body = zlib.decompress(body)
-        except zlib.error as error:
+            body = unpack(body, "zlib", most=expected)
+        except ValueError as error:
             raise InputError(
                 str(path), expected="a complete MetaImage", got=f"a damaged one ({error})",
                 fix="copy or write it again",
             ) from error
-    order = fields.get("elementbyteordermsb", fields.get("binarydatabyteordermsb", "False")).lower()
-    dtype = np.dtype(kind).newbyteorder(">" if order == "true" else "<")
-    sizes = [int(size) for size in _numbers(path, fields.get("dimsize", ""), 3)]
-    expected = int(np.prod(sizes, dtype=np.int64)) * dtype.itemsize
     if min(sizes) < 1 or len(body) != expected:
         raise InputError(
             str(path), expected=f"{expected} bytes of voxels", got=f"{len(body)}", fix="copy or write it again",

@@ -1,9 +1,7 @@
 """Reading NIfTI, one file or a pair, as a label image, with everything that can be wrong said in one line."""
 
-import gzip
 import io
 import xml.etree.ElementTree as ElementTree
-import zlib
 from pathlib import Path
 
 import nibabel as nib
@@ -12,6 +10,7 @@ import numpy as np
 from mixpinn.anatomy.images.label_image import LabelImage, make_label_image
 from mixpinn.anatomy.images.nifti_affine import nifti_affine
 from mixpinn.base.errors import InputError
+from mixpinn.records.voxels import nifti_claim, nifti_content, nifti_head
 
 _HEADER_SIZES = {348: nib.Nifti1Image, 540: nib.Nifti2Image}
 _PAIRS = {nib.Nifti1Image: nib.Nifti1Pair, nib.Nifti2Image: nib.Nifti2Pair}
@@ -54,19 +53,9 @@ def pair_of(path: Path) -> tuple[Path, Path] | None:
     return None
 
 
-def _content(path: Path) -> bytes:
-    content = path.read_bytes()
-    if content[:2] == b"\x1f\x8b":
-        try:
-            content = gzip.decompress(content)  # the whole at once, so that the checksum is verified too
-        except (OSError, EOFError, zlib.error) as error:
-            raise _damaged(path, error) from error
-    return content
-
-
 def _open(path: Path) -> nib.Nifti1Image:
     pair = pair_of(path)
-    content = _content(pair[0] if pair else path)
+    content = nifti_head(pair[0] if pair else path)
     size = next((n for n in _HEADER_SIZES for order in ("little", "big")
                  if int.from_bytes(content[:4], order) == n), None)
     kind = _HEADER_SIZES.get(size or 0, nib.Nifti1Image)
@@ -76,9 +65,10 @@ def _open(path: Path) -> nib.Nifti1Image:
         plain = "an Analyze image, which does not say left from right" if size == 348 else "another kind of file"
         raise InputError(str(path), expected="a NIfTI image", got=plain, fix="convert it to .nii.gz")
     try:
+        claim = nifti_claim(kind, content, str(path))
         if pair is None:
-            return kind.from_bytes(content)
-        files = {"header": content, "image": _content(pair[1])}
+            return kind.from_stream(io.BytesIO(nifti_content(path, most=claim)))
+        files = {name: nifti_content(part, most=claim) for name, part in zip(("header", "image"), pair, strict=True)}
         return _PAIRS[kind].from_file_map(
             {name: nib.FileHolder(fileobj=io.BytesIO(part)) for name, part in files.items()},
         )

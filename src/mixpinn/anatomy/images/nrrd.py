@@ -1,16 +1,15 @@
 """Reading NRRD, and Slicer's segmentations in it, as a label image."""
 
-import bz2
-import gzip
 import re
-import zlib
 from pathlib import Path
 
 import numpy as np
 
 from mixpinn.anatomy.images.label_image import LPS_TO_RAS, LabelImage, flattened, make_label_image
 from mixpinn.base.arrays import AnyArray, FloatArray
+from mixpinn.base.bounded import Packing, unpack
 from mixpinn.base.errors import InputError
+from mixpinn.records.voxels import check_extents
 
 _TYPES = {
     **dict.fromkeys(("signed char", "int8", "int8_t"), "i1"),
@@ -27,6 +26,7 @@ _FRAMES = {
     "left-posterior-superior": LPS_TO_RAS, "lps": LPS_TO_RAS, "right-anterior-superior": np.eye(4), "ras": np.eye(4),
     "left-anterior-superior": np.diag([-1.0, 1.0, 1.0, 1.0]), "las": np.diag([-1.0, 1.0, 1.0, 1.0]),
 }
+_PACKINGS: dict[str, Packing | None] = {"raw": None, "gzip": "gzip", "gz": "gzip", "bzip2": "bzip2", "bz2": "bzip2"}
 _UNITS = {"mm": 1.0, "": 1.0, "cm": 10.0, "m": 1000.0, "um": 0.001, "µm": 0.001}
 _SEGMENT = re.compile(r"Segment(\d+)_(Name|LabelValue|Layer)$")
 
@@ -42,7 +42,10 @@ def read_nrrd(path: Path) -> LabelImage:
     content = path.read_bytes()
     fields, pairs, body = _header(path, content)
     dimension = _number(path, fields, "dimension")
-    sizes = [int(word) for word in _field(path, fields, "sizes").split()]
+    try:
+        sizes = [int(word) for word in _field(path, fields, "sizes").split()]
+    except ValueError as error:
+        raise _bad(path, "numbers as 'sizes'", fields["sizes"][:60]) from error
     if len(sizes) != dimension or min(sizes) < 1 or dimension not in (3, 4):
         raise _bad(path, "three dimensions (and one of layers)", f"sizes {sizes}")
     vectors = _vectors(path, fields)
@@ -130,7 +133,7 @@ def _affine(path: Path, fields: dict[str, str], vectors: list[list[float]]) -> F
     return turned
 
 
-def _data(path: Path, fields: dict[str, str], body: bytes, sizes: list[int]) -> AnyArray:
+def _data(path: Path, fields: dict[str, str], body: bytes | bytearray, sizes: list[int]) -> AnyArray:
     kind = _TYPES.get(_field(path, fields, "type").lower())
     encoding = _field(path, fields, "encoding").lower()
     file = fields.get("data file", fields.get("datafile"))
@@ -140,19 +143,17 @@ def _data(path: Path, fields: dict[str, str], body: bytes, sizes: list[int]) -> 
         body = (path.parent / file).read_bytes()
     if kind is None or any(name in fields for name in ("line skip", "lineskip", "byte skip", "byteskip")):
         raise _bad(path, "whole or floating-point numbers without skipped bytes", fields["type"])
+    dtype = np.dtype(kind).newbyteorder(">" if fields.get("endian", "little").lower() == "big" else "<")
+    expected = check_extents(sizes, dtype.itemsize, str(path))
+    if encoding not in _PACKINGS:
+        raise _bad(path, "raw, gzip or bzip2 encoding", encoding)
+    packing = _PACKINGS[encoding]
     try:
-        if encoding in ("gzip", "gz"):
-            body = gzip.decompress(body)
-        elif encoding in ("bzip2", "bz2"):
-            body = bz2.decompress(body)
-        elif encoding != "raw":
-            raise _bad(path, "raw, gzip or bzip2 encoding", encoding)
-    except (OSError, EOFError, ValueError, zlib.error) as error:
+        body = body if packing is None else unpack(body, packing, most=expected)
+    except ValueError as error:
         raise InputError(
             str(path), expected="a complete NRRD file", got=f"a damaged one ({error})", fix="copy or write it again",
         ) from error
-    dtype = np.dtype(kind).newbyteorder(">" if fields.get("endian", "little").lower() == "big" else "<")
-    expected = int(np.prod(sizes, dtype=np.int64)) * dtype.itemsize
     if len(body) != expected:
         raise InputError(
             str(path), expected=f"{expected} bytes of voxels", got=f"{len(body)}", fix="copy or write it again",

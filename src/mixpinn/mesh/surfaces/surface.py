@@ -1,6 +1,5 @@
 """Closed triangle surfaces: of one structure, and of all that bound the soft tissue."""
 
-import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -8,8 +7,8 @@ import numpy as np
 import pyvista as pv
 
 from mixpinn.base.arrays import FloatArray, IntArray
-from mixpinn.base.errors import InputError
 from mixpinn.base.files import hash_arrays
+from mixpinn.records.surface_file import read_surface
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,19 +54,9 @@ class Surface:
             InputError: absent, unreadable or without triangles.
         """
         path = Path(path)
-        expected, fix = "a closed triangle surface (.stl)", "check the path or export the surface again"
-        if not path.is_file():
-            raise InputError(str(path), expected=expected, got="no such file", fix=fix)
-        try:
-            with pv.vtk_verbosity("off"), warnings.catch_warnings():
-                warnings.simplefilter("ignore")
-                data = pv.read(path).extract_surface(algorithm="dataset_surface").triangulate().clean()
-            triangles = np.asarray(data.regular_faces, dtype=np.int64)
-        except Exception as error:  # readers raise many kinds: unknown suffix, XML, encoding
-            raise InputError(str(path), expected=expected, got=f"{type(error).__name__}: {error}", fix=fix) from error
-        points = np.asarray(data.points, dtype=np.float64)
-        if not len(triangles) or not np.isfinite(points).all():
-            raise InputError(str(path), expected=expected, got=f"{len(triangles)} usable triangles", fix=fix)
+        points, triangles = read_surface(
+            path, expected="a closed triangle surface (.stl)", fix="check the path or export the surface again",
+        )
         return Surface(name or path.stem, points, triangles)
 
 

@@ -1,0 +1,79 @@
+"""Foreign files that would end or fill the process that reads them are refused in one line."""
+
+import re
+
+import numpy as np
+import pytest
+import pyvista as pv
+
+from mixpinn.base.errors import InputError
+from mixpinn.mesh.read_grid import read_tetrahedra
+from mixpinn.mesh.surfaces.surface import Surface
+from mixpinn.records import Probe
+
+
+@pytest.fixture(scope="module")
+def grid():
+    return pv.ImageData(dimensions=(4, 4, 4)).to_tetrahedra()
+
+
+def refused(read, path):
+    with pytest.raises(InputError, match=re.escape(path.name)) as caught:
+        read(path)
+    assert "\n" not in str(caught.value)
+    assert len(str(caught.value)) < 500
+
+
+COUNTS = [
+    ("vtu", 'NumberOfPoints="64"', 'NumberOfPoints="-7"'), ("vtu", 'NumberOfPoints="64"', 'NumberOfPoints="900000000"'),
+    ("vtu", 'NumberOfPoints="64"', 'NumberOfPoints="63"'), ("vtu", 'NumberOfCells="135"', 'NumberOfCells="-7"'),
+    ("vtu", 'NumberOfCells="135"', 'NumberOfCells="0"'), ("vtk", "POINTS 64", "POINTS -7"),
+    ("vtk", "POINTS 64", "POINTS 2000000000"), ("vtk", "CELLS 136", "CELLS 900000000"),
+    ("msh", "$Nodes\n64", "$Nodes\n2000000000"), ("msh", "$Elements\n135", "$Elements\n-1"),
+]
+
+
+@pytest.mark.parametrize(("kind", "sound", "damaged"), COUNTS)
+def test_counts_that_are_not_there(grid, tmp_path, kind, sound, damaged):
+    path = tmp_path / f"given.{kind}"
+    if kind == "msh":
+        import meshio
+
+        cells = {"tetra": grid.cells_dict[pv.CellType.TETRA]}
+        data = {"gmsh:physical": [np.ones(135, int)], "gmsh:geometrical": [np.ones(135, int)]}
+        meshio.Mesh(grid.points, cells, cell_data=data).write(path, file_format="gmsh22", binary=False)
+    else:
+        grid.save(path, binary=kind == "vtu")
+    assert read_tetrahedra(path).n_cells == 135
+    text = path.read_text()
+    assert text.count(sound) == 1
+    path.write_text(text.replace(sound, damaged))
+    refused(read_tetrahedra, path)
+
+
+@pytest.mark.parametrize("binary", [False, True])
+@pytest.mark.parametrize("kind", ["vtu", "vtk"])
+def test_meshes_that_were_cut_short(grid, tmp_path, kind, binary):
+    path = tmp_path / f"given.{kind}"
+    grid.save(path, binary=binary)
+    path.write_bytes(path.read_bytes()[:-400])
+    refused(read_tetrahedra, path)
+
+
+def test_tetrahedra_with_three_points(grid, tmp_path):
+    grid.save(tmp_path / "given.vtk", binary=False)
+    text = (tmp_path / "given.vtk").read_text()
+    (tmp_path / "given.vtk").write_text(re.sub(r"(CELL_TYPES \d+\s+)10", r"\g<1>77", text))
+    refused(read_tetrahedra, tmp_path / "given.vtk")
+
+
+@pytest.mark.parametrize("read", [Probe.load, Surface.load])
+@pytest.mark.parametrize(("name", "binary"), [
+    ("s.stl", True), ("s.stl", False), ("s.ply", True), ("s.vtp", True), ("s.obj", True),
+])
+def test_surfaces_that_were_cut_short(tmp_path, read, name, binary):
+    path = tmp_path / name
+    pv.Sphere(radius=20.0).save(path, **({} if name == "s.obj" else {"binary": binary}))
+    assert len(read(path).triangles) == 1680
+    path.write_bytes(path.read_bytes()[: path.stat().st_size * 2 // 3])
+    refused(read, path)
