@@ -117,10 +117,11 @@ def load_checkpoint(
     graph = build_graph_for(config, mesh)
     where = str(folder / WEIGHTS_FILE)
     for name, shape in parameter_shapes(config, graph).items():  # compared before a network of any size is made
-        if name not in tensors:
+        found = None if name not in tensors else tuple(tensors[name].shape)
+        if found != shape:
             raise InputError(
-                where, expected="the weights of the network that model.json describes", got=f"none for {name}",
-                fix=NETWORK.remake,
+                where, expected=f"the weights of the network that model.json describes, {name} of shape {shape}",
+                got="none" if found is None else str(found), fix=NETWORK.remake,
             )
         ArraySpec("number", shape).check(
             tensors[name].numpy(), f"{where}: {name}", extents={}, remake=NETWORK.remake,
