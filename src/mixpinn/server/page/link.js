@@ -1,0 +1,89 @@
+// The connection to the server: poses out, answers in. It comes back by itself when the server does.
+
+import { readFrame } from "./frame.js";
+import { address } from "./scene.js";
+
+const AGAIN = [500, 1000, 2000, 4000]; // milliseconds between attempts
+
+/**
+ * Dispatches `open`, `closed` (detail: why, in words), `answer` (detail: an Answer) and the type of each control
+ * message of the server (detail: the message).
+ */
+export class Link extends EventTarget {
+  constructor() {
+    super();
+    this.socket = null;
+    this.attempts = 0;
+    this.errors = false; // whether answers carry the expected error of each vertex
+    this.friction = "remembered";
+    this.nextId = 1;
+    this.waiting = new Map(); // of each probe the newest pose that has not gone out
+  }
+
+  connect() {
+    const url = address("live");
+    url.protocol = url.protocol === "https:" ? "wss:" : "ws:";
+    const socket = new WebSocket(url, "mixpinn.live.1");
+    socket.binaryType = "arraybuffer";
+    this.socket = socket;
+    socket.addEventListener("open", () => this.send({
+      type: "hello", version: 1, vertices: "skin", encoding: "int16", errors: this.errors, friction: this.friction,
+    }));
+    socket.addEventListener("message", ({ data }) => {
+      if (typeof data !== "string") {
+        this.#tell("answer", readFrame(data));
+        return;
+      }
+      const message = JSON.parse(data);
+      if (message.type === "welcome") {
+        this.attempts = 0;
+        this.#tell("open", message);
+      } else this.#tell(message.type, message);
+    });
+    socket.addEventListener("close", ({ code, reason }) => {
+      this.waiting.clear();
+      this.#tell("closed", { code, reason });
+      setTimeout(() => this.connect(), AGAIN[Math.min(this.attempts++, AGAIN.length - 1)]);
+    });
+  }
+
+  get isOpen() {
+    return this.socket?.readyState === WebSocket.OPEN;
+  }
+
+  send(message) {
+    if (this.isOpen) this.socket.send(JSON.stringify(message));
+  }
+
+  /**
+   * Move a probe. What is wanted within one picture goes out once, as it was last.
+   *
+   * @param {number} probe
+   * @param {import("./probes.js").Wish} wish
+   */
+  press(probe, wish) {
+    if (!this.waiting.size) requestAnimationFrame(() => this.#flush());
+    this.waiting.set(probe, wish);
+  }
+
+  /** Change what answers carry, or whether friction remembers the way. */
+  choose(changes) {
+    Object.assign(this, changes);
+    this.send({ type: "set", ...changes });
+  }
+
+  #flush() {
+    for (const [probe, { point, depth, turn, tiltRight, tiltDown }] of this.waiting) {
+      this.send({
+        type: "skin", id: this.nextId++, probe, point, depth, axis: "pressing", turn_deg: turn,
+        // About x the shaft leans to the feet, about z to the left.
+        tilt_deg: [tiltDown, -tiltRight],
+      });
+    }
+    this.waiting.clear();
+  }
+
+  #tell(type, detail) {
+    this.dispatchEvent(new CustomEvent(type, { detail }));
+  }
+}

@@ -1,0 +1,167 @@
+// Draws surfaces with WebGL 2. Buffers are made once and overwritten when points move; nothing is rebuilt.
+
+import { FRAGMENT, VERTEX } from "./shaders.js";
+
+const NO_CUT = [0, 0, 0, -1];
+const UNMOVED = new Float32Array([1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]);
+
+/**
+ * @typedef {object} Item what to draw
+ * @property {Mesh} mesh
+ * @property {Float32Array} [model] its placement, 4 × 4
+ * @property {number[]} colour red, green, blue from 0 to 1
+ * @property {number[]} [inside] colour of its back
+ * @property {number} [opacity]
+ * @property {number} [range] value at the upper end of the colours; 0 for one colour
+ * @property {number[]} [cut] plane (n, d): points with n · x + d > 0 are left out
+ */
+
+export class Renderer {
+  /**
+   * @param {HTMLCanvasElement} canvas
+   * @throws {Error} where the browser has no WebGL 2
+   */
+  constructor(canvas) {
+    this.canvas = canvas;
+    const gl = canvas.getContext("webgl2", { antialias: false, alpha: false, powerPreference: "high-performance" });
+    if (!gl) throw new Error("This browser cannot draw in three dimensions (WebGL 2 is missing or switched off).");
+    this.gl = gl;
+    this.program = link(gl, VERTEX, FRAGMENT);
+    this.uniforms = {};
+    for (const name of ["camera", "model", "eye", "colour", "inside", "opacity", "range", "cut", "colours"]) {
+      this.uniforms[name] = gl.getUniformLocation(this.program, name);
+    }
+    this.palette = gl.createTexture();
+    gl.enable(gl.DEPTH_TEST);
+    gl.blendFunc(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA);
+    gl.cullFace(gl.BACK);
+  }
+
+  /** @returns {Mesh} the buffers of a surface */
+  mesh(surface) {
+    return new Mesh(this.gl, surface);
+  }
+
+  /** Colours of values, as red, green, blue bytes from the lowest to the highest. */
+  setPalette(bytes) {
+    const gl = this.gl;
+    gl.bindTexture(gl.TEXTURE_2D, this.palette);
+    gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGB8, bytes.length / 3, 1, 0, gl.RGB, gl.UNSIGNED_BYTE, bytes);
+    for (const side of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(gl.TEXTURE_2D, side, gl.LINEAR);
+    for (const side of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T]) {
+      gl.texParameteri(gl.TEXTURE_2D, side, gl.CLAMP_TO_EDGE);
+    }
+  }
+
+  /** Picture size in device pixels. */
+  resize(width, height) {
+    if (this.canvas.width === width && this.canvas.height === height) return;
+    this.canvas.width = width;
+    this.canvas.height = height;
+  }
+
+  /**
+   * @param {import("./camera.js").Camera} camera
+   * @param {Item[]} items opaque ones first; a transparent one shows its nearest layer only
+   * @param {number[]} background red, green, blue from 0 to 1
+   */
+  draw(camera, items, background) {
+    const { gl, uniforms } = this;
+    gl.viewport(0, 0, this.canvas.width, this.canvas.height);
+    gl.clearColor(...background, 1);
+    gl.depthMask(true);
+    gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
+    gl.useProgram(this.program);
+    gl.uniformMatrix4fv(uniforms.camera, false, camera.matrix);
+    gl.uniform3fv(uniforms.eye, camera.eye);
+    gl.bindTexture(gl.TEXTURE_2D, this.palette);
+    gl.uniform1i(uniforms.colours, 0);
+    for (const item of items) this.#paint(item);
+    gl.bindVertexArray(null);
+  }
+
+  #paint({ mesh, model = UNMOVED, colour, inside = colour, opacity = 1, range = 0, cut = NO_CUT }) {
+    const { gl, uniforms } = this;
+    gl.bindVertexArray(mesh.array);
+    gl.uniformMatrix4fv(uniforms.model, false, model);
+    gl.uniform3fv(uniforms.colour, colour);
+    gl.uniform3fv(uniforms.inside, inside);
+    gl.uniform1f(uniforms.opacity, opacity);
+    gl.uniform1f(uniforms.range, range);
+    gl.uniform4fv(uniforms.cut, cut);
+    // Backs are seen through a cut only.
+    if (cut === NO_CUT) gl.enable(gl.CULL_FACE);
+    else gl.disable(gl.CULL_FACE);
+    gl.depthFunc(gl.LESS);
+    if (opacity < 1) {
+      // Depth first, so that of all layers the nearest one is painted, once, over what is opaque.
+      gl.colorMask(false, false, false, false);
+      gl.drawElements(gl.TRIANGLES, mesh.count, gl.UNSIGNED_INT, 0);
+      gl.colorMask(true, true, true, true);
+      gl.depthFunc(gl.EQUAL);
+      gl.enable(gl.BLEND);
+    }
+    gl.drawElements(gl.TRIANGLES, mesh.count, gl.UNSIGNED_INT, 0);
+    gl.disable(gl.BLEND);
+  }
+
+  /** The picture as a PNG; it is to be drawn in the same task, since browsers forget it afterwards. */
+  picture() {
+    return new Promise((done) => this.canvas.toBlob(done, "image/png"));
+  }
+}
+
+export class Mesh {
+  constructor(gl, surface) {
+    this.gl = gl;
+    this.surface = surface;
+    this.count = surface.corners.length;
+    this.array = gl.createVertexArray();
+    gl.bindVertexArray(this.array);
+    this.values = new Float32Array(surface.source.length);
+    this.buffers = [surface.positions, surface.normals, this.values].map((data, place) => {
+      const buffer = gl.createBuffer();
+      gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
+      gl.bufferData(gl.ARRAY_BUFFER, data, gl.DYNAMIC_DRAW);
+      gl.enableVertexAttribArray(place);
+      gl.vertexAttribPointer(place, place < 2 ? 3 : 1, gl.FLOAT, false, 0, 0);
+      return buffer;
+    });
+    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, gl.createBuffer());
+    gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, surface.corners, gl.STATIC_DRAW);
+    gl.bindVertexArray(null);
+  }
+
+  /** Positions and normals as the surface has them now. */
+  refresh() {
+    this.#write(0, this.surface.positions);
+    this.#write(1, this.surface.normals);
+  }
+
+  /** Colour values, one for each point of the surface. */
+  setValues(values) {
+    const { source } = this.surface;
+    for (let i = 0; i < source.length; i++) this.values[i] = values[source[i]];
+    this.#write(2, this.values);
+  }
+
+  #write(place, data) {
+    this.gl.bindBuffer(this.gl.ARRAY_BUFFER, this.buffers[place]);
+    this.gl.bufferSubData(this.gl.ARRAY_BUFFER, 0, data);
+  }
+}
+
+function link(gl, vertex, fragment) {
+  const program = gl.createProgram();
+  for (const [kind, text] of [[gl.VERTEX_SHADER, vertex], [gl.FRAGMENT_SHADER, fragment]]) {
+    const shader = gl.createShader(kind);
+    gl.shaderSource(shader, text);
+    gl.compileShader(shader);
+    if (!gl.getShaderParameter(shader, gl.COMPILE_STATUS)) throw new Error(gl.getShaderInfoLog(shader));
+    gl.attachShader(program, shader);
+  }
+  gl.linkProgram(program);
+  if (!gl.getProgramParameter(program, gl.LINK_STATUS)) throw new Error(gl.getProgramInfoLog(program));
+  return program;
+}
