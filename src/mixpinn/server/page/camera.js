@@ -23,7 +23,7 @@ export class Camera {
     this.target = [(low[0] + high[0]) / 2, low[1] + 0.6 * (high[1] - low[1]), (low[2] + high[2]) / 2];
     const tall = (high[2] - low[2]) / 2, wide = (high[0] - low[0]) / 2, deep = (high[1] - low[1]) / 2;
     const half = Math.max(tall + 0.3 * deep, (wide + 0.25 * deep) / Math.min(this.aspect, 1.6));
-    this.distance = 1.02 * half / Math.tan(FOV / 2) + 0.5 * deep;
+    this.distance = 0.94 * half / Math.tan(FOV / 2) + 0.5 * deep;
   }
 
   /** From the patient's right, as far away as before. */

@@ -10,8 +10,9 @@ const SLIDERS = { depth: "depth", spin: "turn", "tilt-right": "tiltRight", "tilt
 /**
  * @param {import("./stage.js").Stage} stage
  * @param {import("./probes.js").Probes} probes
+ * @param {import("./link.js").Link} link
  */
-export function bindProbe(stage, probes) {
+export function bindProbe(stage, probes, link) {
   const show = () => {
     for (const [id, name] of Object.entries(SLIDERS)) {
       const value = probes.current[name];
@@ -33,6 +34,10 @@ export function bindProbe(stage, probes) {
   at("probe-1").addEventListener("change", () => probes.choose(0));
   at("probe-2").addEventListener("change", () => probes.choose(1));
   at("second").addEventListener("change", () => (at("second").checked ? probes.choose(1) : probes.dismiss()));
+  at("friction").addEventListener("change", () => {
+    link.choose({ friction: at("friction").checked ? "remembered" : "straight" });
+    probes.repeat();
+  });
   probes.addEventListener("wish", show);
   probes.addEventListener("chosen", show);
   show();
@@ -67,7 +72,7 @@ export function bindView(stage, link) {
     cut.kind = at("cut").value;
     cut.share = Number(at("cut-at").value) / 100;
     at("cut-at").disabled = cut.kind === "none";
-    at("cut-value").textContent = cut.kind === "none" ? "" : `${cut.at.toFixed(0)} mm`;
+    at("cut-value").textContent = cut.kind === "none" ? "" : `${Math.round(cut.at) || 0} mm`;
     stage.ask();
   };
   at("cut").addEventListener("change", showCut);

@@ -88,7 +88,11 @@ export class Handles {
     const probe = this.#probe;
     for (const handle of [this.spin, this.tilt]) handle.hidden = !probe;
     const paths = [];
-    for (const one of this.stage.answer?.probes ?? []) paths.push(...this.#arrow(one));
+    const probes = this.stage.answer?.probes ?? [];
+    for (const one of probes) {
+      paths.push(...this.#arrow(one));
+      if (probes.length > 1) paths.push(this.#number(one));
+    }
     if (probe) {
       const ring = [];
       for (let i = 0; i <= RING; i++) {
@@ -110,6 +114,12 @@ export class Handles {
   #path(points) {
     const places = points.map((point) => this.stage.toStage(point));
     return `<path d="M${places.map(({ x, y }) => `${x.toFixed(1)} ${y.toFixed(1)}`).join("L")}"/>`;
+  }
+
+  /** Which probe this is, beside its upper end. */
+  #number(probe) {
+    const { x, y } = this.stage.toStage(this.#at(probe, [0, 0.9 * this.height, 0]));
+    return `<text x="${x.toFixed(1)}" y="${(y - 16).toFixed(1)}">${probe.index + 1}</text>`;
   }
 
   /** The force on a probe as an arrow from its tip, 2 mm a newton. */

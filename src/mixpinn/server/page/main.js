@@ -19,12 +19,13 @@ const AGAIN = 2000; // milliseconds until the scene is asked for again
 
 function start(scene) {
   at("bundle").textContent = scene.name;
+  at("bundle-notes").textContent = scene.warnings.map((text) => `The bundle: ${text}.`).join(" ");
   document.title = `${scene.name} – MIXPINN`;
   const stage = new Stage(at("canvas"), scene), link = new Link();
   const probes = new Probes(stage), results = new Results(scene, probes);
   new Handles(stage, probes);
   labelEdges(stage);
-  bindProbe(stage, probes);
+  bindProbe(stage, probes, link);
   const colourBy = bindView(stage, link);
   const session = new Session(link, stage);
   const comparison = new Comparison(link, stage, probes, colourBy);
@@ -61,7 +62,9 @@ function start(scene) {
   link.addEventListener("error", ({ detail }) => say(plain(detail)));
   setInterval(() => {
     const { rate } = stage.pace, { answer } = stage;
-    at("rate").textContent = (rate > 1 ? `${rate} pictures/s` : "") + (answer ? ` · answer in ${answer.solveMs.toFixed(0)} ms` : "");
+    const facts = rate > 1 ? [`${rate} pictures/s`] : [];
+    if (answer) facts.push(`answer in ${answer.solveMs.toFixed(0)} ms`);
+    at("rate").textContent = facts.join(" · ");
   }, 500);
   link.connect();
   return { stage, probes, link };

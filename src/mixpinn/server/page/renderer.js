@@ -1,9 +1,12 @@
 // Draws surfaces with WebGL 2. Buffers are made once and overwritten when points move; nothing is rebuilt.
 
-import { FRAGMENT, VERTEX } from "./shaders.js";
+import { along, normalize } from "./linear.js";
+import { shaders } from "./shaders.js";
 
-const NO_CUT = [0, 0, 0, -1];
 const UNMOVED = new Float32Array([1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]);
+const UNIFORMS = [
+  "camera", "model", "cut", "range", "colour", "inside", "opacity", "light", "halfway", "eye", "colours",
+];
 
 /**
  * @typedef {object} Item what to draw
@@ -26,11 +29,7 @@ export class Renderer {
     const gl = canvas.getContext("webgl2", { antialias: false, alpha: false, powerPreference: "high-performance" });
     if (!gl) throw new Error("This browser cannot draw in three dimensions (WebGL 2 is missing or switched off).");
     this.gl = gl;
-    this.program = link(gl, VERTEX, FRAGMENT);
-    this.uniforms = {};
-    for (const name of ["camera", "model", "eye", "colour", "inside", "opacity", "range", "cut", "colours"]) {
-      this.uniforms[name] = gl.getUniformLocation(this.program, name);
-    }
+    this.programs = new Map();
     this.palette = gl.createTexture();
     gl.enable(gl.DEPTH_TEST);
     gl.blendFunc(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA);
@@ -62,48 +61,67 @@ export class Renderer {
   }
 
   /**
-   * @param {import("./camera.js").Camera} camera
+   * @param {{matrix: Float32Array, back: number[]}} camera
    * @param {Item[]} items opaque ones first; a transparent one shows its nearest layer only
    * @param {number[]} background red, green, blue from 0 to 1
    */
   draw(camera, items, background) {
-    const { gl, uniforms } = this;
+    const { gl } = this;
     gl.viewport(0, 0, this.canvas.width, this.canvas.height);
     gl.clearColor(...background, 1);
-    gl.depthMask(true);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
-    gl.useProgram(this.program);
-    gl.uniformMatrix4fv(uniforms.camera, false, camera.matrix);
-    gl.uniform3fv(uniforms.eye, camera.eye);
     gl.bindTexture(gl.TEXTURE_2D, this.palette);
-    gl.uniform1i(uniforms.colours, 0);
-    for (const item of items) this.#paint(item);
+    // The light stands above the eye, at the patient's right.
+    const light = normalize(along(camera.back, [0.25, 0.2, -0.75], 0.8));
+    const shared = { camera: camera.matrix, light, eye: camera.back, halfway: normalize(along(light, camera.back, 1)) };
+    for (const item of items) this.#paint(item, shared);
     gl.bindVertexArray(null);
   }
 
-  #paint({ mesh, model = UNMOVED, colour, inside = colour, opacity = 1, range = 0, cut = NO_CUT }) {
-    const { gl, uniforms } = this;
+  #paint({ mesh, cut, ...item }, shared) {
+    const { gl } = this, hasCut = Boolean(cut), isClear = item.opacity < 1;
+    const values = {
+      inside: item.colour, opacity: 1, range: 0, ...shared, ...item, model: item.model ?? UNMOVED, cut,
+    };
     gl.bindVertexArray(mesh.array);
-    gl.uniformMatrix4fv(uniforms.model, false, model);
-    gl.uniform3fv(uniforms.colour, colour);
-    gl.uniform3fv(uniforms.inside, inside);
-    gl.uniform1f(uniforms.opacity, opacity);
-    gl.uniform1f(uniforms.range, range);
-    gl.uniform4fv(uniforms.cut, cut);
     // Backs are seen through a cut only.
-    if (cut === NO_CUT) gl.enable(gl.CULL_FACE);
-    else gl.disable(gl.CULL_FACE);
-    gl.depthFunc(gl.LESS);
-    if (opacity < 1) {
+    if (hasCut) gl.disable(gl.CULL_FACE);
+    else gl.enable(gl.CULL_FACE);
+    if (isClear) {
       // Depth first, so that of all layers the nearest one is painted, once, over what is opaque.
+      this.#use({ paint: false, cut: hasCut }, values);
       gl.colorMask(false, false, false, false);
       gl.drawElements(gl.TRIANGLES, mesh.count, gl.UNSIGNED_INT, 0);
       gl.colorMask(true, true, true, true);
       gl.depthFunc(gl.EQUAL);
       gl.enable(gl.BLEND);
     }
+    this.#use({ paint: true, cut: hasCut }, values);
     gl.drawElements(gl.TRIANGLES, mesh.count, gl.UNSIGNED_INT, 0);
     gl.disable(gl.BLEND);
+    gl.depthFunc(gl.LESS);
+  }
+
+  #use(variant, values) {
+    const { gl } = this, key = JSON.stringify(variant);
+    if (!this.programs.has(key)) {
+      const program = link(gl, shaders(variant)), places = new Map();
+      for (const name of UNIFORMS) {
+        const place = gl.getUniformLocation(program, name);
+        if (place) places.set(name, place);
+      }
+      this.programs.set(key, { program, places });
+    }
+    const { program, places } = this.programs.get(key);
+    gl.useProgram(program);
+    for (const [name, place] of places) {
+      const value = values[name];
+      if (name === "colours") gl.uniform1i(place, 0);
+      else if (typeof value === "number") gl.uniform1f(place, value);
+      else if (value.length === 16) gl.uniformMatrix4fv(place, false, value);
+      else if (value.length === 4) gl.uniform4fv(place, value);
+      else gl.uniform3fv(place, value);
+    }
   }
 
   /** The picture as a PNG; it is to be drawn in the same task, since browsers forget it afterwards. */
@@ -152,7 +170,7 @@ export class Mesh {
   }
 }
 
-function link(gl, vertex, fragment) {
+function link(gl, { vertex, fragment }) {
   const program = gl.createProgram();
   for (const [kind, text] of [[gl.VERTEX_SHADER, vertex], [gl.FRAGMENT_SHADER, fragment]]) {
     const shader = gl.createShader(kind);

@@ -31,7 +31,7 @@ export class Stage extends EventTarget {
     this.probeMesh = this.renderer.mesh(this.probeSurface);
     this.camera = new Camera(scene.bounds);
     this.cut = new Cut(scene.bounds);
-    this.opacity = 0.6;
+    this.opacity = 0.5;
     this.colour = "displacement";
     this.values = new Float32Array(scene.skin.points.length / 3);
     this.range = 1; // upper end of the legend [mm]
