@@ -35,7 +35,7 @@ export function bindProbe(stage, probes, link) {
   at("probe-2").addEventListener("change", () => probes.choose(1));
   at("second").addEventListener("change", () => (at("second").checked ? probes.choose(1) : probes.dismiss()));
   at("friction").addEventListener("change", () => {
-    link.choose({ friction: at("friction").checked ? "remembered" : "straight" });
+    link.chooseFriction(at("friction").checked ? "remembered" : "straight");
     probes.repeat();
   });
   probes.addEventListener("wish", show);
@@ -45,14 +45,12 @@ export function bindProbe(stage, probes, link) {
 
 /**
  * @param {import("./stage.js").Stage} stage
- * @param {import("./link.js").Link} link
  * @returns {(name: string) => void} sets what the skin is coloured by
  */
-export function bindView(stage, link) {
+export function bindView(stage) {
   const { camera, cut } = stage;
   const colourBy = (name) => {
     at("colour").value = name;
-    if (link.errors !== (name === "error")) link.choose({ errors: name === "error" });
     stage.colourBy(name);
     at("legend").hidden = name === "none";
     if (name === "none") return;

@@ -14,7 +14,6 @@ export class Link extends EventTarget {
     super();
     this.socket = null;
     this.attempts = 0;
-    this.errors = false; // whether answers carry the expected error of each vertex
     this.friction = "remembered";
     this.nextId = 1;
     this.waiting = new Map(); // of each probe the newest pose that has not gone out
@@ -27,7 +26,7 @@ export class Link extends EventTarget {
     socket.binaryType = "arraybuffer";
     this.socket = socket;
     socket.addEventListener("open", () => this.send({
-      type: "hello", version: 1, vertices: "skin", encoding: "int16", errors: this.errors, friction: this.friction,
+      type: "hello", version: 1, vertices: "skin", encoding: "int16", errors: true, friction: this.friction,
     }));
     socket.addEventListener("message", ({ data }) => {
       if (typeof data !== "string") {
@@ -66,10 +65,10 @@ export class Link extends EventTarget {
     this.waiting.set(probe, wish);
   }
 
-  /** Change what answers carry, or whether friction remembers the way. */
-  choose(changes) {
-    Object.assign(this, changes);
-    this.send({ type: "set", ...changes });
+  /** Whether friction remembers the way: `remembered` or `straight`. */
+  chooseFriction(friction) {
+    this.friction = friction;
+    this.send({ type: "set", friction });
   }
 
   #flush() {

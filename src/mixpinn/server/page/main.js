@@ -26,7 +26,7 @@ function start(scene) {
   new Handles(stage, probes);
   labelEdges(stage);
   bindProbe(stage, probes, link);
-  const colourBy = bindView(stage, link);
+  const colourBy = bindView(stage);
   const session = new Session(link, stage);
   const comparison = new Comparison(link, stage, probes, colourBy);
   listenToPointer(stage, probes);
@@ -46,6 +46,7 @@ function start(scene) {
   link.addEventListener("answer", ({ detail: answer }) => {
     if (comparison.take(answer)) return;
     stage.show(answer);
+    at("colour").querySelector("[value=error]").disabled = !answer.errors;
     results.show(answer);
     say("");
   });

@@ -65,8 +65,9 @@ export class Probes extends EventTarget {
   choose(index) {
     if (index >= this.wishes.length) {
       const first = this.wishes[0].point, { low, high } = this.stage.scene.bounds;
-      // Towards whichever end of the body is farther away.
-      const down = high[2] - first[2] > first[2] - low[2] ? 45 : -45;
+      // Towards whichever end of the body is farther away, well inside of it.
+      const feet = high[2] - first[2], head = first[2] - low[2];
+      const down = feet > head ? Math.min(45, 0.6 * feet) : -Math.min(45, 0.6 * head);
       this.wishes.push(new Wish([first[0], first[1], first[2] + down]));
       this.active = index;
       if (!this.step(0, 0)) this.#changed();

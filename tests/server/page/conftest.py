@@ -1,0 +1,83 @@
+"""A real browser on a small body: a server of the toy block, Chromium without a window, and what the page shows."""
+
+import os
+import shutil
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mixpinn.fem import SuperLUSolver
+from mixpinn.geometry.probe_shapes import spherical_probe
+from mixpinn.press.contact import PriorContact
+from mixpinn.press.domain import PoseDomain
+from mixpinn.press.error_law import PoseErrorLaw
+from mixpinn.press.model import PoseModel
+from mixpinn.press.records import ProbeGeometry
+from mixpinn.reduced.equilibrium import Equilibrium
+from mixpinn.reduced.hybrid import HybridModel
+from mixpinn.reduced.modal_newton import ModalNewton
+from mixpinn.reduced.prior import ElasticPrior
+from mixpinn.server.gate import Door
+from mixpinn.server.run import LiveServer
+from mixpinn.serving import HybridPredictor
+from reduced.pressed_block import TISSUE, top_nodes
+from server.page.screen import Screen
+from training.toy_block import block_mesh
+
+_NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
+# No graphics card and no window; the sandbox needs rights that containers do not give.
+_ARGUMENTS = ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox"]
+
+
+@pytest.fixture(scope="session")
+def predictor() -> HybridPredictor:
+    """The toy block with a spherical probe and a calibration that was made up."""
+    mesh = block_mesh()
+    prior = ElasticPrior.build(mesh, [TISSUE], nodes=top_nodes(mesh), linear=SuperLUSolver())
+    size, rows = prior.coordinates.size, 3 * len(prior.nodes)
+    newton = ModalNewton(
+        prior, Equilibrium.of_materials(mesh, [TISSUE]), np.zeros((2, size), np.float32),
+        np.zeros((2, size), np.float32), np.zeros((2, rows), np.float32),
+    )
+    readers = np.random.default_rng(0).normal(size=(4, rows)).astype(np.float32)
+    hybrid = replace(HybridModel(newton, readers, np.zeros((2 + 4 + 10, 2), np.float32)), name="block")
+    contact = PriorContact.of_prior(prior)
+    probe = contact.field(ProbeGeometry.of_probe(spherical_probe(radius=8.0, subdivisions=3)))
+    coefficients = np.zeros((3, 8))
+    coefficients[:, 0], coefficients[:, 1] = np.log([0.05, 0.4, 0.07]), 0.5
+    law = PoseErrorLaw(coefficients, np.array([2.0, 2.5, 2.2]), 0.95)
+    pose = PoseModel(hybrid, contact, (probe,), PoseDomain.of_mesh(mesh, deepest=8.0), error=law)
+    return HybridPredictor(hybrid, pose=pose)
+
+
+@pytest.fixture(scope="module")
+def server(predictor: HybridPredictor) -> Iterator[LiveServer]:
+    """A server of the block on a free port."""
+    with LiveServer(predictor, Door(port=0)) as server:
+        yield server
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[object]:
+    """Chromium; skips where it is absent. Ends with its module: it holds the thread's event loop."""
+    found = os.environ.get("MIXPINN_CHROMIUM") or next(filter(None, map(shutil.which, _NAMES)), None)
+    if found is None:
+        pytest.skip("no Chromium: install it (apt-get install chromium) or set MIXPINN_CHROMIUM")
+    playwright = pytest.importorskip("playwright.sync_api", reason="no Playwright: pip install playwright")
+    with playwright.sync_playwright() as running:
+        browser = running.chromium.launch(executable_path=found, args=_ARGUMENTS)
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def screen(browser, server: LiveServer, tmp_path: Path) -> Iterator[Screen]:
+    """The page, open and connected; after the test: no errors, and no request beyond the server."""
+    screen = Screen(browser, server.url, downloads=tmp_path)
+    yield screen
+    screen.close()
+    assert screen.complaints == []
+    assert screen.foreign == []
