@@ -1,4 +1,4 @@
-"""The verbs of live sessions: serve."""
+"""The verbs of live sessions: serve, view."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from mixpinn.cli.data_verbs import app
-from mixpinn.cli.output import say
+from mixpinn.cli.output import say, warn
 
 if TYPE_CHECKING:
     from mixpinn.server.run import LiveServer
@@ -29,3 +29,22 @@ def serve(bundle: Bundle, port: Port = 8321, host: Host = "127.0.0.1", token: To
         say(f"Serving {bundle} at {server.url} (interrupt to end)")
 
     run(bundle, door, ready=ready)
+
+
+@app.command()
+def view(
+    bundle: Bundle, port: Port = 8321,
+    browser: Annotated[bool, typer.Option(help="Open the page in the browser.")] = True,
+) -> None:
+    """Press the body in a browser: the server on this machine and its page, until interrupted."""
+    import webbrowser
+
+    from mixpinn.server.gate import Door
+    from mixpinn.server.run import serve as run
+
+    def ready(server: "LiveServer") -> None:
+        if browser and not webbrowser.open(server.url):
+            warn(f"no browser was found; open {server.url} in one")
+        say(f"{bundle} at {server.url} (interrupt to end)")
+
+    run(bundle, Door(port=port), ready=ready)

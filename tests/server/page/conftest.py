@@ -9,23 +9,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mixpinn.fem import SuperLUSolver
 from mixpinn.geometry.probe_shapes import spherical_probe
-from mixpinn.press.contact import PriorContact
 from mixpinn.press.domain import PoseDomain
 from mixpinn.press.error_law import PoseErrorLaw
-from mixpinn.press.model import PoseModel
 from mixpinn.press.records import ProbeGeometry
-from mixpinn.reduced.equilibrium import Equilibrium
-from mixpinn.reduced.hybrid import HybridModel
-from mixpinn.reduced.modal_newton import ModalNewton
-from mixpinn.reduced.prior import ElasticPrior
 from mixpinn.server.gate import Door
 from mixpinn.server.run import LiveServer
 from mixpinn.serving import HybridPredictor
-from reduced.pressed_block import TISSUE, top_nodes
 from server.page.screen import Screen
-from training.toy_block import block_mesh
+from serving.live.pressed import block_predictor
 
 _NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
 # No graphics card and no window; the sandbox needs rights that containers do not give.
@@ -34,23 +26,15 @@ _ARGUMENTS = ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swif
 
 @pytest.fixture(scope="session")
 def predictor() -> HybridPredictor:
-    """The toy block with a spherical probe and a calibration that was made up."""
-    mesh = block_mesh()
-    prior = ElasticPrior.build(mesh, [TISSUE], nodes=top_nodes(mesh), linear=SuperLUSolver())
-    size, rows = prior.coordinates.size, 3 * len(prior.nodes)
-    newton = ModalNewton(
-        prior, Equilibrium.of_materials(mesh, [TISSUE]), np.zeros((2, size), np.float32),
-        np.zeros((2, size), np.float32), np.zeros((2, rows), np.float32),
-    )
-    readers = np.random.default_rng(0).normal(size=(4, rows)).astype(np.float32)
-    hybrid = replace(HybridModel(newton, readers, np.zeros((2 + 4 + 10, 2), np.float32)), name="block")
-    contact = PriorContact.of_prior(prior)
-    probe = contact.field(ProbeGeometry.of_probe(spherical_probe(radius=8.0, subdivisions=3)))
+    """The toy block under a small sphere, with a calibration that was made up."""
+    bare = block_predictor()
+    assert bare.pose is not None
     coefficients = np.zeros((3, 8))
     coefficients[:, 0], coefficients[:, 1] = np.log([0.05, 0.4, 0.07]), 0.5
     law = PoseErrorLaw(coefficients, np.array([2.0, 2.5, 2.2]), 0.95)
-    pose = PoseModel(hybrid, contact, (probe,), PoseDomain.of_mesh(mesh, deepest=8.0), error=law)
-    return HybridPredictor(hybrid, pose=pose)
+    ball = bare.pose.contact.field(ProbeGeometry.of_probe(spherical_probe(radius=7.0, subdivisions=3)))
+    pose = replace(bare.pose, probes=(ball,), domain=PoseDomain.of_mesh(bare.mesh, deepest=8.0), error=law)
+    return HybridPredictor(replace(bare.model, name="block"), pose=pose)
 
 
 @pytest.fixture(scope="module")

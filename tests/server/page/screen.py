@@ -47,7 +47,8 @@ class Screen:
     def wait(self, expression: str, seconds: float = 30.0) -> None:
         """Until a JavaScript expression is true; `m` as in `value`."""
         # A function: the page's own rules forbid evaluating text.
-        self.page.wait_for_function(f"() => {{ const m = window.mixpinn; return {expression}; }}", timeout=1e3 * seconds)
+        condition = f"() => {{ const m = window.mixpinn; return {expression}; }}"
+        self.page.wait_for_function(condition, timeout=1e3 * seconds)
 
     def text(self, name: str) -> str:
         """What an element shows."""

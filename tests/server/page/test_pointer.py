@@ -118,7 +118,8 @@ def test_handles_turn_and_tilt(pressed) -> None:
     pressed.page.mouse.move(*start)
     pressed.page.mouse.down()
     away = start - centre
-    pressed.page.mouse.move(*(centre + [-away[1], away[0]]), steps=4)
+    there = centre + np.array([-away[1], away[0]])
+    pressed.page.mouse.move(*there, steps=4)
     pressed.page.mouse.up()
     pressed.settle()
     turn = pressed.value("m.probes.current.turn")
@@ -126,7 +127,7 @@ def test_handles_turn_and_tilt(pressed) -> None:
     assert_allclose(pressed.poses()[1][0], probe_rotation(turn), atol=1e-6)
     # The handle went with the pointer, not the other way round.
     seen = pressed.page.locator("#handle-spin").bounding_box()
-    assert np.linalg.norm([seen["x"] + 9.0 - (centre[0] - away[1]), seen["y"] + 9.0 - (centre[1] + away[0])]) < 25.0
+    assert np.linalg.norm([seen["x"] + 9.0, seen["y"] + 9.0] - there) < 25.0
     pressed.page.locator("#straight").click()
     pressed.settle()
     assert_allclose(pressed.poses()[1][0], np.eye(3), atol=1e-6)
@@ -153,7 +154,8 @@ def test_the_keyboard_alone_does_it_all(pressed) -> None:
         return pressed.poses()[0][0] - before
 
     moved = change("ArrowRight", "ArrowRight")
-    assert_allclose(moved[[0, 2]] / np.linalg.norm(moved[[0, 2]]), right[[0, 2]] / np.linalg.norm(right[[0, 2]]), atol=0.1)
+    across, along = right[[0, 2]] / np.linalg.norm(right[[0, 2]]), moved[[0, 2]] / np.linalg.norm(moved[[0, 2]])
+    assert_allclose(along, across, atol=0.1)
     assert 3.0 < np.linalg.norm(moved) < 5.5
     moved = change("ArrowUp")
     assert moved @ top > 1.0
@@ -183,7 +185,8 @@ def test_the_keyboard_alone_does_it_all(pressed) -> None:
 def test_every_control_is_reached_by_tab_and_shows_the_focus(screen) -> None:
     names = screen.page.evaluate(
         "[...document.querySelectorAll('button, select, input, canvas, [tabindex]')]"
-        ".filter((one) => !one.disabled && one.checkVisibility() && !one.closest('dialog')).map((one) => one.id || one.className)"
+        ".filter((one) => !one.disabled && one.checkVisibility() && !one.closest('dialog'))"
+        ".map((one) => one.id || one.className)"
     )
     screen.page.evaluate("document.activeElement.blur()")
     seen = []

@@ -16,6 +16,7 @@ export class Link extends EventTarget {
     this.attempts = 0;
     this.friction = "remembered";
     this.nextId = 1;
+    this.asked = 0; // when the first pose went out that has not been answered or refused; 0: none
     this.waiting = new Map(); // of each probe the newest pose that has not gone out
   }
 
@@ -29,6 +30,7 @@ export class Link extends EventTarget {
       type: "hello", version: 1, vertices: "skin", encoding: "int16", errors: true, friction: this.friction,
     }));
     socket.addEventListener("message", ({ data }) => {
+      this.asked = 0;
       if (typeof data !== "string") {
         this.#tell("answer", readFrame(data));
         return;
@@ -41,6 +43,7 @@ export class Link extends EventTarget {
     });
     socket.addEventListener("close", ({ code, reason }) => {
       this.waiting.clear();
+      this.asked = 0;
       this.#tell("closed", { code, reason });
       setTimeout(() => this.connect(), AGAIN[Math.min(this.attempts++, AGAIN.length - 1)]);
     });
@@ -48,6 +51,11 @@ export class Link extends EventTarget {
 
   get isOpen() {
     return this.socket?.readyState === WebSocket.OPEN;
+  }
+
+  /** Milliseconds since a pose went out that nothing has come back for. */
+  get owed() {
+    return this.asked ? performance.now() - this.asked : 0;
   }
 
   send(message) {
@@ -72,6 +80,7 @@ export class Link extends EventTarget {
   }
 
   #flush() {
+    this.asked ||= performance.now();
     for (const [probe, { point, depth, turn, tiltRight, tiltDown }] of this.waiting) {
       this.send({
         type: "skin", id: this.nextId++, probe, point, depth, axis: "pressing", turn_deg: turn,

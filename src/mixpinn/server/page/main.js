@@ -16,6 +16,7 @@ import { followTheme } from "./theme.js";
 
 const at = (id) => document.getElementById(id);
 const AGAIN = 2000; // milliseconds until the scene is asked for again
+const LATE = 5000; // milliseconds without an answer after which the page says so
 
 function start(scene) {
   at("bundle").textContent = scene.name;
@@ -62,6 +63,7 @@ function start(scene) {
   });
   link.addEventListener("error", ({ detail }) => say(plain(detail)));
   setInterval(() => {
+    if (link.isOpen && link.owed > LATE) say("The server is connected but has not answered for some seconds: it may be busy.");
     const { rate } = stage.pace, { answer } = stage;
     const facts = rate > 1 ? [`${rate} pictures/s`] : [];
     if (answer) facts.push(`answer in ${answer.solveMs.toFixed(0)} ms`);
