@@ -30,7 +30,7 @@ from mixpinn.reduced.fit import HybridConfig, PreparedSamples, error_signs, fit_
 from mixpinn.reduced.hybrid import HybridModel
 from mixpinn.reduced.newton_steps import NewtonSteps
 from mixpinn.reduced.prior import ElasticPrior, probed_nodes
-from mixpinn.stages.training import SplitConfig, load_samples
+from mixpinn.stages.samples import SplitConfig, load_samples
 
 MATERIALS = [PAPER_TISSUE]
 RIDGE_ONLY = HybridConfig(newton=False, coordinates=16)

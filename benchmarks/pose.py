@@ -23,7 +23,7 @@ from mixpinn.press.domain import PoseDomain
 from mixpinn.press.files import load_pose_model, save_pose_model
 from mixpinn.press.fit import collect, fit_pose
 from mixpinn.press.model import PoseModel
-from mixpinn.press.records import PoseContactConfig, ProbeGeometry
+from mixpinn.press.records import PoseContactConfig
 from mixpinn.records import Probe, SampleTable
 from mixpinn.reduced.coordinates import ReducedCoordinates
 from mixpinn.reduced.hybrid import HybridModel
@@ -135,7 +135,7 @@ def main() -> None:
     if args.fit:
         probe = Probe.load(args.store / "probe.stl")
         solver = PriorContact.of_prior(hybrid.prior, PoseContactConfig())
-        probes = (solver.field(ProbeGeometry.of_probe(probe)),)
+        probes = (solver.field(probe),)
         model = PoseModel(hybrid, solver, probes, PoseDomain.of_mesh(mesh))
         began = time.perf_counter()
         validation = np.flatnonzero(np.isin(table.position_index, split.validation))[:: args.every]

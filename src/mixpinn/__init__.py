@@ -41,8 +41,8 @@ if TYPE_CHECKING:
     from mixpinn.records.tissue_mesh import TissueMesh as TissueMesh
     from mixpinn.server.client import connect as connect
     from mixpinn.serving.live.session import LiveSession as LiveSession
+    from mixpinn.stages.samples import SplitConfig as SplitConfig
     from mixpinn.stages.training import ModelsConfig as ModelsConfig
-    from mixpinn.stages.training import SplitConfig as SplitConfig
     from mixpinn.training.config import TrainConfig as TrainConfig
 
 __version__ = "0.1.0"
@@ -63,7 +63,8 @@ _HOMES = {
     "mixpinn.records.tissue_mesh": ("TissueMesh",),
     "mixpinn.server.client": ("connect",),
     "mixpinn.serving.live.session": ("LiveSession",),
-    "mixpinn.stages.training": ("ModelsConfig", "SplitConfig"),
+    "mixpinn.stages.samples": ("SplitConfig",),
+    "mixpinn.stages.training": ("ModelsConfig",),
     "mixpinn.training.config": ("TrainConfig",),
 }
 """Where each public name is defined."""

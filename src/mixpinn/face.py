@@ -20,7 +20,8 @@ if TYPE_CHECKING:
     from mixpinn.fem.material.hyperelastic import Material
     from mixpinn.fem.scene import Scene
     from mixpinn.serving.load import AnyPredictor
-    from mixpinn.stages.training import ModelsConfig, SplitConfig
+    from mixpinn.stages.samples import SplitConfig
+    from mixpinn.stages.training import ModelsConfig
 
 
 def load_anatomy(
@@ -150,7 +151,8 @@ def fit(
     """
     from mixpinn.dataset import SimulationStore
     from mixpinn.stages.fit import fit_model
-    from mixpinn.stages.training import ModelsConfig, SplitConfig, load_samples
+    from mixpinn.stages.samples import SplitConfig, load_samples
+    from mixpinn.stages.training import ModelsConfig
 
     opened = store if isinstance(store, SimulationStore) else SimulationStore.open(simulations_folder(store))
     table, parts = load_samples(opened, split or SplitConfig())

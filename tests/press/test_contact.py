@@ -10,7 +10,7 @@ from mixpinn.geometry.probe_shapes import linear_probe, spherical_probe
 from mixpinn.geometry.proximity import proximity
 from mixpinn.press.contact import PriorContact
 from mixpinn.press.probe_field import ProbeField
-from mixpinn.press.records import PlacedProbes, PoseContactConfig, ProbeGeometry
+from mixpinn.press.records import PlacedFields, PoseContactConfig
 from mixpinn.records import ProbePath
 from mixpinn.reduced.prior import ElasticPrior
 from reduced.pressed_block import TISSUE, top_nodes
@@ -36,7 +36,7 @@ def ball():
 
 
 def field_of(probe):
-    return ProbeField.of_probe(ProbeGeometry.of_probe(probe), gap=2.0)
+    return ProbeField.of_probe(probe, gap=2.0)
 
 
 def pose(x=18.0, z=22.0, depth=3.0, turn=0.0):
@@ -190,7 +190,7 @@ def test_paths_go_in_steps_of_one_millimetre_from_first_touch(prior, ball) -> No
     contact = PriorContact.of_prior(prior)
     rotations, translations = pose(depth=5.0)
     depths = contact.depth([ball], rotations, translations)
-    turns, places = contact._path_down(PlacedProbes((ball,), rotations, translations), depths)
+    turns, places = contact._path_down(PlacedFields((ball,), rotations, translations), depths)
     along = (places[:, 0] - places[0, 0]) @ np.array([0.0, -1.0, 0.0])
     assert_allclose(along, np.append(np.arange(0.0, depths[0]), depths[0]), atol=1e-9)
     assert_array_equal(places[-1], translations)

@@ -16,7 +16,7 @@ from mixpinn.press.domain import PoseDomain
 from mixpinn.press.files import POSE_FILE, load_pose_model, save_pose_model
 from mixpinn.press.fit import PoseSamples, fit_pose
 from mixpinn.press.model import PoseModel, Uncorrected
-from mixpinn.press.records import ContactHistory, ContactPrediction, ProbeGeometry
+from mixpinn.press.records import ContactHistory, ContactPrediction
 from mixpinn.records import ProbePath
 from mixpinn.reduced.equilibrium import Equilibrium
 from mixpinn.reduced.hybrid import BUNDLE, HybridModel
@@ -48,7 +48,7 @@ def hybrid():
 @pytest.fixture(scope="module")
 def model(hybrid):
     contact = PriorContact.of_prior(hybrid.prior)
-    probe = contact.field(ProbeGeometry.of_probe(spherical_probe(radius=12.0, subdivisions=3)))
+    probe = contact.field(spherical_probe(radius=12.0, subdivisions=3))
     return PoseModel(hybrid, contact, (probe, probe), PoseDomain.of_mesh(hybrid.mesh))
 
 

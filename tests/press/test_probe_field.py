@@ -6,14 +6,13 @@ from numpy.testing import assert_allclose
 
 from mixpinn.geometry.probe_shapes import linear_probe, spherical_probe
 from mixpinn.press.probe_field import FAR, ProbeField, signed_distance
-from mixpinn.press.records import ProbeGeometry
 
 RADIUS = 12.0
 
 
 @pytest.fixture(scope="module")
 def ball():
-    return ProbeField.of_probe(ProbeGeometry.of_probe(spherical_probe(radius=RADIUS, subdivisions=4)), gap=2.0)
+    return ProbeField.of_probe(spherical_probe(radius=RADIUS, subdivisions=4), gap=2.0)
 
 
 def test_a_ball_has_the_distance_of_a_ball(ball) -> None:

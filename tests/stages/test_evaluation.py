@@ -8,7 +8,7 @@ from mixpinn.base.errors import InputError
 from mixpinn.dataset import SimulationStore
 from mixpinn.fem import StableNeoHookean
 from mixpinn.stages.evaluation import Background, EvaluationConfig, constants, evaluate_models
-from mixpinn.stages.training import SplitConfig, load_samples
+from mixpinn.stages.samples import SplitConfig, load_samples
 
 QUICK = EvaluationConfig(pictures=False)
 

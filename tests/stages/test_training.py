@@ -14,7 +14,8 @@ from mixpinn.dataset import SimulationStore, Split
 from mixpinn.graph import Scaling
 from mixpinn.networks import MODELS
 from mixpinn.records import SampleTable, TissueMesh
-from mixpinn.stages.training import ModelsConfig, SplitConfig, load_samples, train_network
+from mixpinn.stages.samples import SplitConfig, load_samples
+from mixpinn.stages.training import ModelsConfig, train_network
 from mixpinn.training import TrainConfig
 from training.toy_block import TINY, block_mesh
 

@@ -6,7 +6,8 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Iterable, Mapping
+import types
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Generic, Protocol, TypeVar
 
 T = TypeVar("T")
@@ -57,6 +58,21 @@ def end_all(processes: Iterable[Process], *, grace: float = GRACE) -> None:
             if process.is_alive():
                 process.kill()
             process.join()
+
+
+@contextlib.contextmanager
+def script_left_alone() -> Iterator[None]:
+    """Child processes that are spawned meanwhile do not run the script again that called this one.
+
+    A spawned process imports the main script under another name, for the sake of what is pickled from it. A script
+    without ``if __name__ == "__main__":`` would begin anew there. What is handed over must not come from the script.
+    """
+    main = sys.modules["__main__"]
+    sys.modules["__main__"] = types.ModuleType("__main__")
+    try:
+        yield
+    finally:
+        sys.modules["__main__"] = main
 
 
 class Patience(Generic[T]):

@@ -143,7 +143,7 @@ def dataset(
     from mixpinn.dataset import SimulationStore, dataset_table
     from mixpinn.evaluation import dataset_counts_table
     from mixpinn.face import simulations_folder
-    from mixpinn.stages.training import SplitConfig, load_samples
+    from mixpinn.stages.samples import SplitConfig, load_samples
 
     store = SimulationStore.open(simulations_folder(source))
     table, split = load_samples(store, SplitConfig(file=str(split_file) if split_file else None))

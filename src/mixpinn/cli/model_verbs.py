@@ -44,7 +44,8 @@ def train(
     from mixpinn.face import simulations_folder
     from mixpinn.reduced.hybrid import HybridModel
     from mixpinn.stages.fit import fit_model
-    from mixpinn.stages.training import ModelsConfig, SplitConfig, load_samples
+    from mixpinn.stages.samples import SplitConfig, load_samples
+    from mixpinn.stages.training import ModelsConfig
 
     settings = build_config(
         ModelsConfig, {"names": [model]}, *settings_layers(config, None, width=width, scaling=scaling),
@@ -79,7 +80,7 @@ def evaluate(
     from mixpinn.evaluation import results_table
     from mixpinn.face import simulations_folder
     from mixpinn.stages.evaluation import EvaluationConfig, evaluate_models
-    from mixpinn.stages.training import SplitConfig, load_samples
+    from mixpinn.stages.samples import SplitConfig, load_samples
 
     store = SimulationStore.open(simulations_folder(source))
     table, split = load_samples(store, SplitConfig(file=str(split_file) if split_file else None))

@@ -12,7 +12,7 @@ from multiprocessing.connection import Connection, wait
 from multiprocessing.reduction import ForkingPickler
 from typing import Any, NamedTuple
 
-from mixpinn.base.child_process import Patience, end_all
+from mixpinn.base.child_process import Patience, end_all, script_left_alone
 from mixpinn.base.errors import InputError, MixpinnError
 from mixpinn.dataset.protocol import Pose
 from mixpinn.dataset.status import PoseState, PoseStatus
@@ -127,6 +127,8 @@ class _Pool:
         self.patience: Patience[_Worker] = Patience(min(self.timeout, self.start_timeout))
         self._context = multiprocessing.get_context("spawn")
         self._task = ForkingPickler.dumps((self.store, self.scene, self.runner))
+        # A material of the user's own may stand in the script itself; then, alone, the workers must import it.
+        self._needs_script = b"__main__" in bytes(self._task)
 
     def fill(self, workers: int) -> None:
         """Start as many workers as there is work for."""
@@ -135,7 +137,8 @@ class _Pool:
             here, there = self._context.Pipe()
             # What it works on goes through its connection: a process that stops while it starts cannot hold us up.
             process = self._context.Process(target=serve, args=(there, os.getpid()), daemon=True)
-            with pinned_threads(self.threads), deaf_to_interrupts():
+            script = contextlib.nullcontext() if self._needs_script else script_left_alone()
+            with pinned_threads(self.threads), deaf_to_interrupts(), script:
                 process.start()
             there.close()  # so that the end of the worker shows as the end of the pipe
             self.workers.append(_Worker(process, here))
@@ -196,7 +199,10 @@ class _Pool:
         if not worker.ready:
             self.lost_starts += 1
             if self.lost_starts >= MAX_LOST_STARTS:
-                raise MixpinnError(f"{self.lost_starts} worker processes in a row could not start; the last: {reason}")
+                fix = """; put what the script does under 'if __name__ == "__main__":'""" if self._needs_script else ""
+                raise MixpinnError(
+                    f"{self.lost_starts} worker processes in a row could not start; the last: {reason}{fix}"
+                )
         if worker.job is None:
             return
         pose, attempt = worker.job

@@ -5,8 +5,9 @@ from dataclasses import dataclass, field
 from mixpinn.stages.anatomy import AnatomyConfig
 from mixpinn.stages.evaluation import EvaluationConfig
 from mixpinn.stages.mesh import MeshConfig
+from mixpinn.stages.samples import SplitConfig
 from mixpinn.stages.simulation import SimulationConfig
-from mixpinn.stages.training import ModelsConfig, SplitConfig
+from mixpinn.stages.training import ModelsConfig
 
 
 @dataclass(frozen=True)

@@ -15,9 +15,9 @@ from mixpinn.stages.anatomy import AnatomyResult, make_anatomy
 from mixpinn.stages.evaluation import Background, evaluate_models
 from mixpinn.stages.fit import fit_model
 from mixpinn.stages.mesh import MeshResult, make_mesh
+from mixpinn.stages.samples import load_samples
 from mixpinn.stages.setup_tables import fidelity_table, findings_table, quality_table
 from mixpinn.stages.simulation import for_patients, make_simulations
-from mixpinn.stages.training import load_samples
 from mixpinn.training import settle_arithmetic
 
 T = TypeVar("T")

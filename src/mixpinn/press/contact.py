@@ -29,14 +29,13 @@ from mixpinn.press.probe_field import ProbeField
 from mixpinn.press.records import (
     ContactHistory,
     ContactPrediction,
-    PlacedProbes,
+    PlacedFields,
     PoseContactConfig,
-    ProbeGeometry,
     check_poses,
 )
 from mixpinn.press.session import ContactSession
 from mixpinn.press.skin_points import SkinPoints
-from mixpinn.records import TissueMesh
+from mixpinn.records import Probe, TissueMesh
 from mixpinn.reduced.prior import ElasticPrior
 
 _CUTS = 5
@@ -97,7 +96,7 @@ class PriorContact:
         """Whether one of some candidate nodes lies at the rim of the skin between the candidates."""
         return bool(self._rim[np.searchsorted(self.nodes, nodes)].any())
 
-    def field(self, probe: ProbeGeometry) -> ProbeField:
+    def field(self, probe: Probe) -> ProbeField:
         """The distance from a probe, as `solve` wants it."""
         return ProbeField.of_probe(probe, gap=self.config.gap)
 
@@ -143,7 +142,7 @@ class PriorContact:
                 "history", expected=f"one of {len(probes)} probes", got=f"one of {len(history.translations)}",
                 fix="carry the history of the same probes, or none",
             )
-        placed = PlacedProbes(tuple(probes), rotations, translations)
+        placed = PlacedFields(tuple(probes), rotations, translations)
         if history is not None and not history.force.any():
             history = None  # what has touched nothing has no past
         touches = [
@@ -163,7 +162,7 @@ class PriorContact:
         return session.go(self._path_from(history, placed))
 
     def _session(
-        self, placed: PlacedProbes, faces: IntArray, depths: FloatArray, history: ContactHistory | None,
+        self, placed: PlacedFields, faces: IntArray, depths: FloatArray, history: ContactHistory | None,
     ) -> ContactSession:
         """Before anything is solved: the patch of skin, and the state that the history tells."""
         chosen = self.skin.on_faces(faces)
@@ -211,7 +210,7 @@ class PriorContact:
         near[self.skin.face[inside]] = True
         return near
 
-    def _path_down(self, placed: PlacedProbes, depths: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def _path_down(self, placed: PlacedFields, depths: FloatArray) -> tuple[FloatArray, FloatArray]:
         """The straight way down, from first touch of the first probe that touches: placements before and after steps.
 
         A probe that touches later waits at first touch.
@@ -228,7 +227,7 @@ class PriorContact:
             placed.translations - back[..., None] * axes,
         )
 
-    def _path_from(self, history: ContactHistory, placed: PlacedProbes) -> tuple[FloatArray, FloatArray]:
+    def _path_from(self, history: ContactHistory, placed: PlacedFields) -> tuple[FloatArray, FloatArray]:
         """The way from the poses of a history: straight, turning steadily."""
         turn = vector_from_rotation(placed.rotations @ history.rotations.transpose(0, 2, 1))
         way = placed.translations - history.translations

@@ -16,7 +16,8 @@ from mixpinn.press.domain import PoseDomain
 from mixpinn.press.error_law import PoseErrorLaw
 from mixpinn.press.model import PoseCorrection, PoseModel
 from mixpinn.press.probe_field import ProbeField
-from mixpinn.press.records import PoseContactConfig, ProbeGeometry
+from mixpinn.press.records import PoseContactConfig
+from mixpinn.records import Probe
 from mixpinn.records.answer import discretisation_of
 from mixpinn.reduced.hybrid import BUNDLE, POSE_FILE, HybridModel
 
@@ -64,9 +65,9 @@ def save_pose_model(model: PoseModel, folder: Path | str) -> None:
     The hybrid model is kept by its own `HybridModel.save`.
     """
     arrays: dict[str, AnyArray] = {}
-    for i, probe in enumerate(model.probes):
-        arrays |= {f"probe{i}.{name}": getattr(probe.geometry, name) for name in _SURFACE}
-        arrays |= {f"probe{i}.{name}": getattr(probe, name) for name in _FIELD}
+    for i, field in enumerate(model.probes):
+        arrays |= {f"probe{i}.vertices": field.probe.points, f"probe{i}.triangles": field.probe.triangles}
+        arrays |= {f"probe{i}.{name}": getattr(field, name) for name in _FIELD}
     if model.correction is not None:
         for name in _CORRECTION:
             arrays[f"correction.{name}"] = getattr(model.correction, name)
@@ -121,5 +122,5 @@ def _probe(arrays: Mapping[str, AnyArray], index: int, spacing: float, gap: floa
     of = {name: arrays[f"probe{index}.{name}"] for name in (*_FIELD, *_SURFACE)}
     _check(of, _FIELD | _SURFACE, f"{where}: probe {index}", {})
     _check(of, {"triangles": ArraySpec("index", ("t", 3), low=0, high=len(of["vertices"]) - 1)}, where, {})
-    geometry = ProbeGeometry(of["vertices"], of["triangles"])
-    return ProbeField(of["coefficients"], of["origin"], spacing, of["underside"], gap, geometry)
+    probe = Probe(of["vertices"], of["triangles"])
+    return ProbeField(of["coefficients"], of["origin"], spacing, of["underside"], gap, probe)

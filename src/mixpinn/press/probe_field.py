@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 
 from mixpinn.base.arrays import AnyArray, Float32Array, FloatArray, IntArray
 from mixpinn.geometry.proximity import Triangulation, nearest_on_triangle
-from mixpinn.press.records import ProbeGeometry
+from mixpinn.records import Probe
 
 # mypy cannot see through numba's decorators: the kernels are untyped, their callers are not.
 
@@ -37,7 +37,7 @@ class ProbeField:
         underside: for each column (x, z) the lowest y at which the distance falls to `gap` [mm], infinite where it
             does nowhere, shape (x, z).
         gap: distance at which contact acts [mm].
-        geometry: the probe's surface.
+        probe: the probe.
     """
 
     coefficients: Float32Array
@@ -45,10 +45,10 @@ class ProbeField:
     spacing: float
     underside: FloatArray
     gap: float
-    geometry: ProbeGeometry
+    probe: Probe
 
     @staticmethod
-    def of_probe(probe: ProbeGeometry, *, gap: float, spacing: float = 0.75, margin: float = 5.0) -> "ProbeField":
+    def of_probe(probe: Probe, *, gap: float, spacing: float = 0.75, margin: float = 5.0) -> "ProbeField":
         """Sample the distance of `probe`.
 
         Args:
@@ -57,11 +57,13 @@ class ProbeField:
             spacing: of the grid [mm].
             margin: how far the grid reaches beyond the probe and the gap [mm].
         """
-        low, high = probe.vertices.min(axis=0) - gap - margin, probe.vertices.max(axis=0) + gap + margin
+        corners = np.ascontiguousarray(probe.points, dtype=np.float64)
+        triangles = np.ascontiguousarray(probe.triangles, dtype=np.int64)
+        low, high = corners.min(axis=0) - gap - margin, corners.max(axis=0) + gap + margin
         spacing = max(spacing, float(np.prod(high - low) / _LARGEST) ** (1.0 / 3.0))
         ticks = [np.arange(a, b + spacing, spacing) for a, b in zip(low, high, strict=True)]
         grid = np.stack(np.meshgrid(*ticks, indexing="ij"), axis=-1)
-        distance = signed_distance(grid.reshape(-1, 3), probe.vertices, probe.triangles).reshape(grid.shape[:-1])
+        distance = signed_distance(grid.reshape(-1, 3), corners, triangles).reshape(grid.shape[:-1])
         return ProbeField(
             spline_filter(distance, order=3, output=np.float64, mode="mirror").astype(np.float32), low, spacing,
             _underside(distance, ticks[1], gap), gap, probe,

@@ -8,7 +8,6 @@ import numpy as np
 from mixpinn.base.arrays import AnyArray, Float32Array, FloatArray, IntArray
 from mixpinn.base.errors import InputError
 from mixpinn.geometry.probe_pose import PATH_STEP
-from mixpinn.records import Probe
 
 if TYPE_CHECKING:
     from mixpinn.press.probe_field import ProbeField
@@ -51,26 +50,6 @@ class PoseContactConfig:
     arm: float = 20.0
     tolerance: float = 1e-5
     max_iterations: int = 40
-
-
-@dataclass(frozen=True, eq=False)
-class ProbeGeometry:
-    """A probe's surface in its own frame, tip at the origin and pointing to −y.
-
-    Attributes:
-        vertices: of the surface [mm], shape (p, 3).
-        triangles: shape (t, 3).
-    """
-
-    vertices: FloatArray
-    triangles: IntArray
-
-    @staticmethod
-    def of_probe(probe: Probe) -> "ProbeGeometry":
-        """The surface of `probe`."""
-        return ProbeGeometry(
-            np.ascontiguousarray(probe.points, dtype=np.float64), np.ascontiguousarray(probe.triangles, dtype=np.int64),
-        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,8 +105,8 @@ class ContactPrediction:
 
 
 @dataclass(frozen=True, eq=False)
-class PlacedProbes:
-    """Probes at their poses: distances from each, rotations (k, 3, 3), translations (k, 3) [mm]."""
+class PlacedFields:
+    """Distances from probes at their poses; rotations (k, 3, 3), translations (k, 3) [mm]."""
 
     fields: "tuple[ProbeField, ...]"
     rotations: FloatArray
@@ -141,8 +120,8 @@ class PlacedProbes:
             flat[0] if len(flat) == 1 else np.concatenate(flat), np.cumsum([0, *(len(part) for part in flat)]),
             np.array([field.coefficients.shape for field in self.fields]),
             np.array([field.origin for field in self.fields]), np.array([field.spacing for field in self.fields]),
-            np.array([field.geometry.vertices.min(axis=0) for field in self.fields]),
-            np.array([field.geometry.vertices.max(axis=0) for field in self.fields]),
+            np.array([field.probe.points.min(axis=0) for field in self.fields]),
+            np.array([field.probe.points.max(axis=0) for field in self.fields]),
         )
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from mixpinn.base.arrays import FloatArray, IntArray
 from mixpinn.geometry.rotations import rotation_from_vector, vector_from_rotation
 from mixpinn.press.path_kernel import follow
-from mixpinn.press.records import ContactHistory, ContactPrediction, PlacedProbes
+from mixpinn.press.records import ContactHistory, ContactPrediction, PlacedFields
 
 if TYPE_CHECKING:
     from mixpinn.press.contact import PriorContact
@@ -35,7 +35,7 @@ class ContactSession:
     """
 
     contact: "PriorContact"
-    placed: PlacedProbes
+    placed: PlacedFields
     patch: IntArray
     points: IntArray
     stencil: IntArray

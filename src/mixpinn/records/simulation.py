@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -82,20 +82,6 @@ class Simulation:
         return np.array([
             step for step in range(self.n_steps) if self.converged[step] and len(self.contacts(step)[0])
         ], dtype=np.int64)
-
-    def on_vertices(self, n_points: int) -> "Simulation":
-        """The record of the first `n_points` nodes, the mesh's vertices: all of them where the cells are linear.
-
-        Contact nodes are the vertices among the contact nodes; wrench and motions stay those of all nodes.
-        """
-        if self.displacement.shape[1] == n_points:
-            return self
-        vertex = self.contact_nodes < n_points
-        counted = np.concatenate([[0], np.cumsum(vertex)])
-        return replace(
-            self, displacement=self.displacement[:, :n_points], contact_offsets=counted[self.contact_offsets],
-            contact_nodes=self.contact_nodes[vertex], contact_forces=self.contact_forces[vertex],
-        )
 
     def arrays(self) -> dict[str, AnyArray]:
         """Every array of the record by name, the path's flattened into it."""

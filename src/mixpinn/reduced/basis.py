@@ -14,7 +14,7 @@ def response_modes(responses: AnyArray, weights: Float32Array, n_modes: int) -> 
     Args:
         responses: of reduced unknowns, one a row [mm, rad], shape (N, D).
         weights: of the unknowns, shape (D,).
-        n_modes: number of modes; fewer come back where the rows span less.
+        n_modes: number of modes; fewer come back where the rows span less in single precision.
 
     Returns:
         Modes, float32, shape (r, D).

@@ -32,7 +32,7 @@ from mixpinn.reduced.newton_steps import NewtonSteps
 from mixpinn.serving import AnyPredictor, HybridPredictor, Predictor, load_predictor
 from mixpinn.stages.prior import cached_prior
 from mixpinn.stages.restraints import describe
-from mixpinn.stages.training import choose_samples
+from mixpinn.stages.samples import choose_samples
 
 BODY_PICTURE = "body.png"
 REPORT, WEIGHTS = "report.html", ("weights.safetensors", "hybrid.safetensors")

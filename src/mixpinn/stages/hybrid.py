@@ -15,12 +15,12 @@ from mixpinn.press.domain import PoseDomain
 from mixpinn.press.files import save_pose_model
 from mixpinn.press.fit import collect, fit_pose
 from mixpinn.press.model import PoseModel
-from mixpinn.press.records import PoseContactConfig, ProbeGeometry
+from mixpinn.press.records import PoseContactConfig
 from mixpinn.records import MESH_FILE, Probe, SampleTable
 from mixpinn.reduced.fit import HybridConfig, fit_hybrid
 from mixpinn.reduced.hybrid import HYBRID_FILE, HybridModel
 from mixpinn.stages.prior import cached_prior
-from mixpinn.stages.training import choose_samples
+from mixpinn.stages.samples import choose_samples
 
 SPLIT_FILE = "split.json"
 
@@ -90,7 +90,7 @@ def plain_pose_model(model: HybridModel, probe: Probe, contact: ContactConfig) -
     """Contact from the pose of `probe` on the model's prior, with nothing learned about it."""
     config = PoseContactConfig(gap=contact.gap, friction=contact.friction)
     solver = PriorContact.of_prior(model.prior, config)
-    probes = (solver.field(ProbeGeometry.of_probe(probe)),)
+    probes = (solver.field(probe),)
     return PoseModel(model, solver, probes, PoseDomain.of_mesh(model.mesh))
 
 

@@ -22,8 +22,8 @@ from mixpinn.records import MESH_FILE, SampleTable, TissueMesh
 from mixpinn.stages.anatomy import AnatomyConfig, make_anatomy, source_settings
 from mixpinn.stages.mesh import load_mesh, make_mesh
 from mixpinn.stages.prior import cached_prior
+from mixpinn.stages.samples import load_samples
 from mixpinn.stages.simulation import STORE, make_simulations, settings_of
-from mixpinn.stages.training import load_samples
 from mixpinn.studies.ablation_config import AblationConfig
 from mixpinn.studies.ablation_jobs import SAMPLES, evaluate_once, evaluation_path, plan_jobs, test_set_names
 from mixpinn.studies.ablation_pool import check_scheduling, is_done, run_jobs

@@ -8,8 +8,8 @@ from mixpinn.graph import Scaling
 from mixpinn.networks import ABLATION, MODELS
 from mixpinn.stages.anatomy import AnatomyConfig
 from mixpinn.stages.mesh import MeshConfig
+from mixpinn.stages.samples import SplitConfig
 from mixpinn.stages.simulation import PAPER_TISSUE_CONFIG, SimulationConfig
-from mixpinn.stages.training import SplitConfig
 from mixpinn.training import TrainConfig
 
 ROWS = (*(f"row-{number}" for number in ABLATION), "physgnn")

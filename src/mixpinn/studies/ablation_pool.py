@@ -11,7 +11,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
-from mixpinn.base.child_process import Patience, end_all
+from mixpinn.base.child_process import Patience, end_all, script_left_alone
 from mixpinn.base.errors import InputError, MixpinnError
 from mixpinn.base.files import write_text
 from mixpinn.base.progress import progress_bar, quiet
@@ -98,7 +98,7 @@ def _local(
                 job = waiting.pop(0)
                 here, there = context.Pipe(duplex=False)
                 process = context.Process(target=work, args=(job, folder, devices, there))
-                with pinned_threads(threads), deaf_to_interrupts():
+                with pinned_threads(threads), deaf_to_interrupts(), script_left_alone():
                     process.start()
                 there.close()
                 running[job.name] = _Run(process, here)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from mixpinn.base.arrays import Float32Array, FloatArray
-from mixpinn.base.child_process import GRACE, end_all, end_with_parent
+from mixpinn.base.child_process import GRACE, end_all, end_with_parent, script_left_alone
 from mixpinn.base.errors import MixpinnError
 from mixpinn.dataset.local_pool import deaf_to_interrupts, pinned_threads
 from mixpinn.networks import MODELS, ModelConfig
@@ -100,7 +100,7 @@ def measure_model(
     context = multiprocessing.get_context("spawn")
     here, there = context.Pipe()
     process = context.Process(target=_serve, args=(there, config, samples, mesh, method, threads, repeats, os.getpid()))
-    with pinned_threads(threads), deaf_to_interrupts():
+    with pinned_threads(threads), deaf_to_interrupts(), script_left_alone():
         process.start()
     there.close()
     what = f"measuring {method} on mesh {mesh[0]}"

@@ -8,7 +8,6 @@ from mixpinn.geometry.probe_shapes import spherical_probe
 from mixpinn.press.contact import PriorContact
 from mixpinn.press.domain import PoseDomain
 from mixpinn.press.model import PoseModel
-from mixpinn.press.records import ProbeGeometry
 from mixpinn.reduced.equilibrium import Equilibrium
 from mixpinn.reduced.hybrid import HybridModel
 from mixpinn.reduced.modal_newton import ModalNewton
@@ -33,7 +32,7 @@ def block_predictor() -> HybridPredictor:
     readers = np.random.default_rng(0).normal(size=(4, rows)).astype(np.float32)
     hybrid = HybridModel(newton, readers, np.zeros((2 + 4 + 10, 2), np.float32))
     contact = PriorContact.of_prior(prior)
-    probe = contact.field(ProbeGeometry.of_probe(spherical_probe(radius=12.0, subdivisions=3)))
+    probe = contact.field(spherical_probe(radius=12.0, subdivisions=3))
     return HybridPredictor(hybrid, pose=PoseModel(hybrid, contact, (probe,), PoseDomain.of_mesh(mesh)))
 
 
