@@ -64,10 +64,9 @@ def random_presses(model: "PoseModel", count: int, rng: np.random.Generator) -> 
     from mixpinn.base.errors import InputError
     from mixpinn.geometry.first_touch import first_touch
     from mixpinn.geometry.probe_pose import probe_rotation
-    from mixpinn.records import Probe
 
     mesh, field = model.hybrid.mesh, model.probes[0]
-    probe = Probe(field.geometry.vertices, field.geometry.triangles)
+    probe = field.probe
     bones = mesh.points[mesh.part > 0] if mesh.n_parts else mesh.points
     low, high, found = bones.min(axis=0), bones.max(axis=0), []
     while len(found) < count:

@@ -63,7 +63,7 @@ def test_the_skin_keeps_the_gap_and_nothing_pulls(mesh, prior, ball) -> None:
     x = mesh.points.copy()
     x[top] += (prior.own_compliance @ -found.history.force.ravel()).reshape(-1, 3)
     skin = SkinSurface.of_mesh(mesh)
-    near = proximity(ball.geometry.vertices + tip, skin.vertices(x), skin.surface, cutoff=4.0)
+    near = proximity(ball.probe.points + tip, skin.vertices(x), skin.surface, cutoff=4.0)
     # Between its contact points the skin's triangles may come closer than the gap to a ball of so small a radius.
     assert near.distance.min() > 1.7
     assert (found.forces[:, 1] < 1e-9).all()

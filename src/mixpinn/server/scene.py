@@ -50,8 +50,8 @@ class SceneFiles:
                 "colour": part_colour(k, mesh.n_parts), "url": url,
                 "centroid": mesh.points[mesh.part_nodes(k + 1)].mean(axis=0).tolist(),
             })
-        geometry = model.probes[0].geometry
-        files["/api/probes/0.bin"] = BINARY_TYPE, encode_surface(geometry.vertices, geometry.triangles)
+        probe = model.probes[0].probe
+        files["/api/probes/0.bin"] = BINARY_TYPE, encode_surface(probe.points, probe.triangles)
         domain, points = model.domain, mesh.node_points[nodes]
         about: dict[str, Any] = {
             "version": VERSION, "name": predictor.name, "units": {"length": "mm", "force": "N", "moment": "N mm"},

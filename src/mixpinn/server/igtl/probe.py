@@ -17,8 +17,8 @@ def probe_messages(session: LiveSession, frame: RasFrame) -> list[Message]:
         frame: in which the place is given.
     """
     model = session.predictor.pressing
-    surface = model.probes[0].geometry
-    body = PolyDataBody(surface.vertices, surface.triangles)
+    probe = model.probes[0].probe
+    body = PolyDataBody(probe.points, probe.triangles)
     found = [Message(body.TYPE, PROBE_MODEL, body.pack())]
     mesh = model.hybrid.mesh
     try:

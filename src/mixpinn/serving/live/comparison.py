@@ -49,10 +49,10 @@ class Setup:
     def of_predictor(predictor: HybridPredictor, pose: ProbePose) -> "Setup":
         """The bundle's scene with its first probe at a pose."""
         model, equilibrium = predictor.pressing, predictor.model.newton.equilibrium
-        geometry, config = model.probes[0].geometry, model.contact.config
+        probe, config = model.probes[0].probe, model.contact.config
         return Setup(
-            predictor.mesh, tuple(map(float, equilibrium.mu)), tuple(map(float, equilibrium.lam)), geometry.vertices,
-            geometry.triangles, config.gap, config.friction, pose, predictor.model.prior.restraints,
+            predictor.mesh, tuple(map(float, equilibrium.mu)), tuple(map(float, equilibrium.lam)), probe.points,
+            probe.triangles, config.gap, config.friction, pose, predictor.model.prior.restraints,
         )
 
 
