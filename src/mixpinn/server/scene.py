@@ -59,8 +59,8 @@ class SceneFiles:
             "discretisation": discretisation_of(mesh), "n_nodes": mesh.n_nodes, "n_vertices": len(nodes),
             "low": points.min(axis=0).tolist(), "high": points.max(axis=0).tolist(), "parts": parts,
             "probes": [{
-                "name": "probe", "url": "/api/probes/0.bin", "low": geometry.vertices.min(axis=0).tolist(),
-                "high": geometry.vertices.max(axis=0).tolist(),
+                "name": "probe", "url": "/api/probes/0.bin", "low": probe.points.min(axis=0).tolist(),
+                "high": probe.points.max(axis=0).tolist(),
             }],
             "skin": {"url": "/api/skin.bin"}, "range": domain.as_dict(),
             "bound_level": model.error.level if model.error is not None else None,
