@@ -26,6 +26,7 @@ from mixpinn.evaluation import (
 from mixpinn.evaluation.body_picture import draw_body
 from mixpinn.fem import Material
 from mixpinn.fem.scene_record import BUILT_IN
+from mixpinn.physics.restraints import Restraints
 from mixpinn.records import Evaluation, SampleTable, TissueMesh
 from mixpinn.records.answer import discretisation_of
 from mixpinn.reduced.newton_steps import NewtonSteps
@@ -114,6 +115,8 @@ def evaluate_models(
     if config.prior:
         materials, restraints = store.materials() if materials is None else tuple(materials), store.restraints()
     trained = [_load(folder, mesh, threads) for folder in models]
+    for predictor in trained:
+        _require_same_body(predictor, store)
     begun = start_run(
         out, "evaluate", config, seed=config.seed,
         inputs={
@@ -194,6 +197,18 @@ def _load(folder: Path | str, mesh: TissueMesh, threads: int | None) -> AnyPredi
             fix="train on this store, or evaluate on the store that the model was trained on",
         )
     return predictor
+
+
+def _require_same_body(predictor: AnyPredictor, store: SimulationStore) -> None:
+    """Refuse a hybrid model of a body with other joints or foundations than those that were simulated."""
+    if not isinstance(predictor, HybridPredictor):
+        return
+    found = predictor.model.prior.restraints.record()
+    if found != Restraints.of_record(store.scene, str(store.folder)).record():
+        raise InputError(
+            predictor.name, expected="a model of a body with the joints and foundations of the simulations",
+            got="one with others", fix="fit it on this store, or evaluate on the store that it was fitted on",
+        )
 
 
 def _shown(candidates: Sequence[Candidate], evaluations: Sequence[Evaluation]) -> int:
