@@ -62,7 +62,7 @@ def _run() -> None:
 
 def _application() -> Any:
     # They add their verbs to the application.
-    from mixpinn.cli import live_verbs, model_verbs, run_verbs, stream_verb  # noqa: F401
+    from mixpinn.cli import assess_verb, live_verbs, model_verbs, run_verbs, stream_verb  # noqa: F401
     from mixpinn.cli.data_verbs import app
 
     return app

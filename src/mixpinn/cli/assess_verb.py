@@ -1,0 +1,42 @@
+"""The verb that says how good a bundle's answers are: assess."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from mixpinn.base.config import build_config
+from mixpinn.cli.data_verbs import app
+from mixpinn.cli.options import Config, Out, Set, Threads, settings_layers
+from mixpinn.cli.output import say, warn
+
+
+@app.command()
+def assess(
+    bundle: Annotated[Path, typer.Argument(help="Hybrid model that takes poses.")],
+    out: Out,
+    poses: Annotated[int | None, typer.Option(help="Presses over the rigid parts; 3.")] = None,
+    depth: Annotated[float | None, typer.Option(help="Of each beyond first touch [mm]; 10.")] = None,
+    finer: Annotated[str | None, typer.Option(help="quadratic or halved: what the cells are held against.")] = None,
+    facets: Annotated[Path | None, typer.Option(help="Mesh of the same anatomy with a finer surface.")] = None,
+    minutes: Annotated[float | None, typer.Option(help="Begin no further solve after this time.")] = None,
+    threads: Threads = None,
+    config: Config = None,
+    overrides: Set = None,
+) -> None:
+    """The error budget: predictor, contact, discretisation, facets; what tissue and supports change; goes on later."""
+    from mixpinn.cli.options import load_mesh
+    from mixpinn.stages.budget import PAGE_FILE, make_budget
+    from mixpinn.stages.budget_variants import BudgetConfig
+
+    settings = build_config(BudgetConfig, *settings_layers(
+        config, overrides, poses=poses, depth=depth, finer=finer, threads=threads,
+    ))
+    budget = make_budget(
+        bundle, settings, out=out, facets=None if facets is None else load_mesh(facets),
+        minutes=float("inf") if minutes is None else minutes,
+    )
+    say(budget.sentence)
+    if not budget.complete:
+        warn("not everything was solved, or some solves did not converge; the same command goes on")
+    say(f"Error budget: {out / PAGE_FILE}")

@@ -1,0 +1,97 @@
+"""ErrorBudget: how far answers about one patient are from the converged solution, and what decides them besides."""
+
+from dataclasses import asdict, dataclass
+from enum import StrEnum
+from pathlib import Path
+
+from mixpinn.base.files import write_json
+from mixpinn.base.validated import load_record
+
+_REMAKE = "run 'mixpinn assess' again"
+
+
+class BudgetKind(StrEnum):
+    """What an entry is about."""
+
+    ERROR = "error"
+    """How far the answer is from the converged solution of its own equations."""
+    SENSITIVITY = "sensitivity"
+    """By how much the answer changes with what is not known of the patient."""
+
+
+@dataclass(frozen=True)
+class BudgetEntry:
+    """One source of error, or one quantity that is not known; K rigid parts.
+
+    Attributes:
+        source: what it is, in words.
+        kind: error or sensitivity.
+        varied: what was changed, from what to what.
+        force: largest change of the force on the probe over the poses [N]; None where it was not evaluated.
+        force_share: the same relative to the force, with its sign where all poses agree in it.
+        motions: largest change of the translation of each rigid part [mm], by name.
+        field: largest mean change of the displacement of the vertices [mm]; None where meshes differ.
+        solved: poses that were compared.
+        sentence: what it means, for a reader who presses backs and not equations.
+        note: what a reader must know beside the figures.
+    """
+
+    source: str
+    kind: BudgetKind
+    varied: str
+    force: float | None
+    force_share: float | None
+    motions: dict[str, float]
+    field: float | None
+    solved: int
+    sentence: str
+    note: str = ""
+
+    @property
+    def motion(self) -> float:
+        """Of the part that changes most [mm]."""
+        return max(self.motions.values(), default=0.0)
+
+
+@dataclass(frozen=True)
+class ErrorBudget:
+    """The budget of one bundle.
+
+    Attributes:
+        bundle: name of the model.
+        discretisation: elements and mesh of its solver.
+        depth: of the presses beyond first touch [mm].
+        tips: of the probe at the end of each press, world [mm].
+        force: mean force on the probe over the presses [N].
+        motions: mean translation of each rigid part over the presses [mm], by name.
+        entries: errors, then sensitivities.
+        total_force: root of the sum of the squares of the errors' forces [N].
+        total_motions: the same of the motions of each part [mm], by name.
+        sentence: the whole in one sentence.
+        complete: whether every solve that was planned was done and converged.
+    """
+
+    bundle: str
+    discretisation: str
+    depth: float
+    tips: tuple[tuple[float, float, float], ...]
+    force: float
+    motions: dict[str, float]
+    entries: tuple[BudgetEntry, ...]
+    total_force: float
+    total_motions: dict[str, float]
+    sentence: str
+    complete: bool
+
+    def save(self, path: Path | str) -> None:
+        """Write as JSON."""
+        write_json(path, asdict(self))
+
+    @staticmethod
+    def load(path: Path | str) -> "ErrorBudget":
+        """Read what `save` wrote.
+
+        Raises:
+            InputError: absent or damaged.
+        """
+        return load_record(ErrorBudget, path, remake=_REMAKE)

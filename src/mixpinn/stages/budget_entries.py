@@ -1,0 +1,143 @@
+"""Entries of an error budget, and the sentences that say what they mean."""
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from mixpinn.base.arrays import FloatArray
+from mixpinn.records import TissueMesh
+from mixpinn.records.answer import discretisation_of
+from mixpinn.records.error_budget import BudgetEntry, BudgetKind, ErrorBudget
+from mixpinn.serving import HybridPredictor
+from mixpinn.stages.budget_solves import Found
+from mixpinn.stages.budget_variants import CELLS, FACETS, MODULUS
+
+PREDICTOR = "predictor"
+
+
+def entry_of(
+    source: str, kind: BudgetKind, varied: str, base: dict[int, Found], ends: Sequence[dict[int, Found]],
+    mesh: TissueMesh, *, planned: int,
+) -> BudgetEntry:
+    """The largest changes over presses and ends.
+
+    Args:
+        source: what was changed.
+        kind: whether the change shows an error or a sensitivity.
+        varied: from what to what, in words.
+        base: of each press what the bundle's own scene does.
+        ends: for each value that it was changed to, what the presses do then, as far as they were solved.
+        mesh: of the bundle.
+        planned: presses that there are to be.
+    """
+    pairs = [(base[index], found) for end in ends for index, found in end.items()]
+    done = min((len(end) for end in ends), default=0)
+    if not pairs:
+        return BudgetEntry(source, kind, varied, None, None, {}, None, 0, "Not solved yet.")
+    force = max(float(np.linalg.norm(after.force - before.force)) for before, after in pairs)
+    shares = np.array([
+        np.linalg.norm(after.force) / max(float(np.linalg.norm(before.force)), 1e-9) - 1.0 for before, after in pairs
+    ])
+    share = float(shares[np.abs(shares).argmax()])
+    if not ((shares >= 0.0).all() or (shares <= 0.0).all()):
+        share = abs(share)
+    moved: FloatArray = np.max([
+        np.linalg.norm(after.translations - before.translations, axis=1) for before, after in pairs
+    ], axis=0)
+    fields = [
+        float(np.linalg.norm(after.field - before.field, axis=1).mean()) for before, after in pairs if len(after.field)
+    ]
+    motions = {name: float(value) for name, value in zip(mesh.rigid_names, moved, strict=True)}
+    notes = [] if done == planned else [f"{done} of {planned} presses were solved and converged"]
+    if source == FACETS:
+        notes.append("the cells differ too")
+    return BudgetEntry(
+        source, kind, varied, force, share, motions, max(fields, default=None), done,
+        _said(source, force, share, motions), "; ".join(notes),
+    )
+
+
+def of_single_tissue(base: dict[int, Found], mesh: TissueMesh, modulus: float) -> BudgetEntry:
+    """A single tissue without joints: at a given pose forces grow with its modulus and nothing else changes.
+
+    Args:
+        base: of each press what the bundle's own scene does.
+        mesh: of the bundle.
+        modulus: by what share the modulus is changed.
+    """
+    force = modulus * max(float(np.linalg.norm(found.force)) for found in base.values())
+    motions = dict.fromkeys(mesh.rigid_names, 0.0)
+    return BudgetEntry(
+        MODULUS, BudgetKind.SENSITIVITY, f"± {100.0 * modulus:g} %", force, modulus, motions, 0.0,
+        len(base), _said(MODULUS, force, modulus, motions),
+        "exact but for the penalty of contact: with one tissue, forces are proportional to its modulus and motions do "
+        "not depend on it; with several, their ratio is what counts",
+    )
+
+
+def _said(source: str, force: float, share: float, motions: dict[str, float]) -> str:
+    """One sentence for a reader who presses backs."""
+    part = max(motions, key=lambda name: motions[name], default="")
+    moves = f"moves {part} by up to {motions[part]:.2f} mm" if part else "moves no rigid part"
+    by = f"{force:.1f} N ({100.0 * share:+.0f} %)"
+    return {
+        PREDICTOR: f"The fast answer differs from the full solve by up to {by} and {moves} otherwise.",
+        CELLS: f"Finer cells on the same surfaces change the force by up to {by}, which {moves} differently.",
+        FACETS: f"A finer surface of the same anatomy changes the force by up to {by}, which {moves} differently.",
+    }.get(source, f"This changes the force by up to {by} and {moves} differently.")
+
+
+def budget_of(
+    predictor: HybridPredictor, depth: float, tips: Sequence[FloatArray], base: dict[int, Found],
+    entries: Sequence[BudgetEntry], *, complete: bool,
+) -> ErrorBudget:
+    """The whole budget.
+
+    Args:
+        predictor: of the bundle.
+        depth: of the presses [mm].
+        tips: at the end of each press that was planned [mm], shape (3,) each.
+        base: of each press that was solved what the bundle's own scene does.
+        entries: of all sources.
+        complete: whether all that was planned was solved.
+    """
+    names = predictor.mesh.rigid_names
+    force = float(np.mean([np.linalg.norm(found.force) for found in base.values()]))
+    moved = np.mean([np.linalg.norm(found.translations, axis=1) for found in base.values()], axis=0)
+    errors = [entry for entry in entries if entry.kind is BudgetKind.ERROR and entry.force is not None]
+    unknowns = [entry for entry in entries if entry.kind is BudgetKind.SENSITIVITY and entry.force is not None]
+    motions = {name: float(value) for name, value in zip(names, moved, strict=True)}
+    total_force = _root(entry.force or 0.0 for entry in errors)
+    total_motions = {name: _root(entry.motions.get(name, 0.0) for entry in errors) for name in names}
+    complete = complete and all(entry.solved == len(base) == len(tips) for entry in entries)
+    return ErrorBudget(
+        predictor.name, discretisation_of(predictor.mesh), depth,
+        tuple((float(x), float(y), float(z)) for x, y, z in tips), force, motions, tuple(entries), total_force,
+        total_motions, _whole(depth, force, motions, total_force, total_motions, errors, unknowns), complete,
+    )
+
+
+def _whole(
+    depth: float, force: float, motions: dict[str, float], total_force: float, total_motions: dict[str, float],
+    errors: Sequence[BudgetEntry], unknowns: Sequence[BudgetEntry],
+) -> str:
+    begin = f"When the probe presses {depth:g} mm deep, the skin pushes back with about {force:.0f} N"
+    largest = max(errors, key=lambda entry: entry.force or 0.0)
+    end = (
+        f"that force may be wrong by about {total_force:.1f} N, most of it from the {largest.source}"
+    )
+    if motions:
+        part = max(motions, key=lambda name: motions[name])
+        most = max(errors, key=lambda entry: entry.motions.get(part, 0.0))
+        begin += f" and {part} moves by about {motions[part]:.1f} mm"
+        end += f", and that motion by about {total_motions[part]:.2f} mm, most of it from the {most.source}"
+    known = max(unknowns, key=lambda entry: entry.motion, default=None)
+    more = "" if known is None else (
+        f"; of what is not known of the patient the {known.source} counts most for the motions: up to "
+        f"{known.motion:.2f} mm"
+    )
+    return f"{begin}; {end}{more}."
+
+
+def _root(values: Iterable[float]) -> float:
+    return float(np.sqrt(sum(value**2 for value in values)))

@@ -1,0 +1,195 @@
+"""The scenes whose full solves an error budget compares: the bundle's own, and each with one thing changed."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from functools import partial
+
+import numpy as np
+
+from mixpinn.base.sensible import require_settings
+from mixpinn.fem import Material, Scene, StableNeoHookean
+from mixpinn.fem.contact.model import ContactConfig
+from mixpinn.fem.solve.quasi_static import SolverConfig
+from mixpinn.mesh import FixedRegion, fixed_nodes, refine
+from mixpinn.records import Probe, TissueMesh
+from mixpinn.records.error_budget import BudgetKind
+from mixpinn.serving import HybridPredictor
+
+
+class Finer(StrEnum):
+    """What the discretisation is held against, on the same facets."""
+
+    QUADRATIC = "quadratic"
+    """Ten-node cells on the same mesh; for a bundle of linear cells."""
+    HALVED = "halved"
+    """The same cells with every edge halved: eight times as many."""
+
+
+@dataclass(frozen=True)
+class BudgetConfig:
+    """What is compared.
+
+    Attributes:
+        poses: presses over the rigid parts.
+        depth: of each, beyond first touch [mm].
+        finer: what the discretisation is held against; None: quadratic cells where the bundle's are linear, halved
+            edges where they are quadratic already.
+        stiffness_factor: of the penalty of contact, for its error.
+        gap_share: the gap at which contact acts is changed to this share of it, for its error.
+        modulus: by what share the moduli of the tissues but the first are changed; of a single tissue, its own.
+        poisson: by how much Poisson's ratio of every tissue is changed.
+        friction: by how much Coulomb's coefficient is changed.
+        fixed: by how much the depth of the region that is held in place is changed [mm].
+        threads: of the solver.
+    """
+
+    poses: int = 3
+    depth: float = 10.0
+    finer: Finer | None = None
+    stiffness_factor: float = 4.0
+    gap_share: float = 0.5
+    modulus: float = 0.2
+    poisson: float = 0.03
+    friction: float = 0.5
+    fixed: float = 10.0
+    threads: int = 1
+
+    def __post_init__(self) -> None:
+        require_settings(self, "budget", {
+            "poses": (1 <= self.poses <= 50, "1 to 50 poses"), "depth": (0.0 < self.depth <= 40.0, "0 to 40 mm"),
+            "stiffness_factor": (1.0 < self.stiffness_factor <= 100.0, "more than 1"),
+            "gap_share": (0.0 < self.gap_share < 1.0, "between 0 and 1"),
+            "modulus": (0.0 < self.modulus < 1.0, "between 0 and 1"),
+            "poisson": (0.0 < self.poisson < 0.2, "between 0 and 0.2"),
+            "friction": (self.friction > 0.0, "more than 0"), "fixed": (self.fixed > 0.0, "more than 0 mm"),
+        })
+
+
+@dataclass(frozen=True, eq=False)
+class Variant:
+    """A scene with one thing changed.
+
+    Attributes:
+        source: what is changed; several variants of one source make one entry, the larger change counting.
+        kind: whether the change shows an error or a sensitivity.
+        value: what it is changed to, in words.
+        scene: makes it; solved only where it is needed.
+        same_vertices: whether its first vertices are those of the bundle's mesh.
+    """
+
+    source: str
+    kind: BudgetKind
+    value: str
+    scene: Callable[[], Scene]
+    same_vertices: bool = True
+
+
+PENALTY, GAP, CELLS, FACETS = "contact penalty", "contact gap", "discretisation", "facets"
+MODULUS, POISSON, FRICTION, FIXED = "tissue modulus", "Poisson's ratio", "friction", "fixed region"
+
+
+def base_scene(predictor: HybridPredictor, config: BudgetConfig) -> Scene:
+    """The full solver's scene that the bundle stands for: its mesh, tissues, restraints, probe, gap and friction."""
+    model, pose = predictor.model, predictor.pose
+    assert pose is not None
+    equilibrium, geometry = model.newton.equilibrium, pose.probes[0].geometry
+    materials = tuple(
+        StableNeoHookean(float(mu), float(lam)) for mu, lam in zip(equilibrium.mu, equilibrium.lam, strict=True)
+    )
+    restraints = model.prior.restraints
+    return Scene(
+        predictor.mesh, Probe(geometry.vertices, geometry.triangles, "probe"), materials,
+        ContactConfig(gap=pose.contact.config.gap, friction=pose.contact.config.friction),
+        SolverConfig(threads=config.threads), joints=restraints.joints, foundations=restraints.foundations,
+    )
+
+
+def variants(base: Scene, config: BudgetConfig, *, facets: TissueMesh | None = None) -> list[Variant]:
+    """What the budget solves besides the bundle's own scene, the cheap ones first.
+
+    Args:
+        base: of the bundle.
+        config: what is changed by how much.
+        facets: a mesh of the same anatomy whose surfaces are finer.
+    """
+    contact, error, unknown = base.contact, BudgetKind.ERROR, BudgetKind.SENSITIVITY
+    stiffer = replace(contact, stiffness=config.stiffness_factor * contact.stiffness)
+    closer = replace(contact, gap=config.gap_share * contact.gap)
+    found = [
+        Variant(PENALTY, error, f"{stiffer.stiffness:g} N/mm", partial(replace, base, contact=stiffer)),
+        Variant(GAP, error, f"{closer.gap:g} mm", partial(replace, base, contact=closer)),
+    ]
+    for friction in (max(0.0, contact.friction - config.friction), contact.friction + config.friction):
+        changed = partial(replace, base, contact=replace(contact, friction=friction))
+        found.append(Variant(FRICTION, unknown, f"{friction:g}", changed))
+    tissues = tuple(_lame(material) for material in base.materials)
+    for sign in (-1.0, 1.0):
+        soft = tuple(_with_poisson(material, sign * config.poisson) for material in tissues)
+        found.append(Variant(POISSON, unknown, f"{_moduli(soft[0])[1]:.3f}", partial(replace, base, materials=soft)))
+    if len(base.materials) > 1 or base.joints or base.foundations:
+        first = 1 if len(base.materials) > 1 else 0
+        for factor in (1.0 - config.modulus, 1.0 + config.modulus):
+            scaled = tuple(
+                material if index < first else StableNeoHookean(factor * material.mu, factor * material.lam)
+                for index, material in enumerate(tissues)
+            )
+            found.append(Variant(MODULUS, unknown, f"× {factor:g}", partial(replace, base, materials=scaled)))
+    for change in (-config.fixed, config.fixed):
+        mesh = _with_fixed(base.mesh, change)
+        if mesh is not None:
+            found.append(Variant(FIXED, unknown, f"{change:+g} mm", partial(replace, base, mesh=mesh)))
+    finer = config.finer or (Finer.QUADRATIC if base.mesh.order == 1 else Finer.HALVED)
+    found.append(Variant(CELLS, error, finer.value, lambda: replace(base, mesh=_finer(base.mesh, finer))))
+    if facets is not None:
+        of_facets = facets.with_order(base.mesh.order)
+        found.append(Variant(
+            FACETS, error, f"{facets.n_points} vertices", partial(replace, base, mesh=of_facets), same_vertices=False,
+        ))
+    return found
+
+
+def present(source: str, base: Scene) -> str:
+    """What the bundle has of a source, in words."""
+    return {
+        PENALTY: f"{base.contact.stiffness:g} N/mm", GAP: f"{base.contact.gap:g} mm",
+        FRICTION: f"{base.contact.friction:g}", POISSON: f"{_moduli(_lame(base.materials[0]))[1]:.3f}",
+        CELLS: "linear" if base.mesh.order == 1 else "quadratic", FACETS: f"{base.mesh.n_points} vertices",
+    }.get(source, "as it is")
+
+
+def _finer(mesh: TissueMesh, finer: Finer) -> TissueMesh:
+    if finer is Finer.QUADRATIC:
+        return mesh.with_order(2)
+    return refine(mesh.with_order(1)).with_order(mesh.order)
+
+
+def _moduli(material: StableNeoHookean) -> tuple[float, float]:
+    """Young's modulus [MPa] and Poisson's ratio: E = μ (3λ + 2μ)/(λ + μ), ν = λ/(2(λ + μ))."""
+    mu, lam = material.mu, material.lam
+    return mu * (3.0 * lam + 2.0 * mu) / (lam + mu), lam / (2.0 * (lam + mu))
+
+
+def _with_poisson(material: StableNeoHookean, change: float) -> StableNeoHookean:
+    young, poisson = _moduli(material)
+    return StableNeoHookean.from_young(young, float(np.clip(poisson + change, 0.0, 0.495)))
+
+
+def _lame(material: Material) -> StableNeoHookean:
+    assert isinstance(material, StableNeoHookean), "bundles have no other material"
+    return material
+
+
+def _with_fixed(mesh: TissueMesh, change: float) -> TissueMesh | None:
+    """The mesh whose fixed region reaches `change` [mm] farther back; None where nothing or nobody would be held."""
+    skin = mesh.fixed & (mesh.part == 0)
+    if not skin.any():
+        return None
+    region = FixedRegion.of(mesh.points)
+    if not np.array_equal(fixed_nodes(mesh, region=region), skin):  # held otherwise: the region of those that are
+        z = mesh.points[skin, 2]
+        region = FixedRegion(float(mesh.points[skin, 1].max()) + 1e-6, float(z.min()) - 1e-6, float(z.max()) + 1e-6)
+    held = fixed_nodes(mesh, region=replace(region, behind=region.behind + change))
+    if np.count_nonzero(held) < 3:
+        return None
+    return replace(mesh, fixed=held | (mesh.fixed & ~skin))
