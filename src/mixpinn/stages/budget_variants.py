@@ -12,7 +12,7 @@ from mixpinn.fem import Material, Scene, StableNeoHookean
 from mixpinn.fem.contact.model import ContactConfig
 from mixpinn.fem.solve.quasi_static import SolverConfig
 from mixpinn.mesh import FixedRegion, fixed_nodes, refine
-from mixpinn.records import Probe, TissueMesh
+from mixpinn.records import TissueMesh
 from mixpinn.records.error_budget import BudgetKind
 from mixpinn.serving import HybridPredictor
 
@@ -93,13 +93,13 @@ def base_scene(predictor: HybridPredictor, config: BudgetConfig) -> Scene:
     """The full solver's scene that the bundle stands for: its mesh, tissues, restraints, probe, gap and friction."""
     model, pose = predictor.model, predictor.pose
     assert pose is not None
-    equilibrium, geometry = model.newton.equilibrium, pose.probes[0].geometry
+    equilibrium = model.newton.equilibrium
     materials = tuple(
         StableNeoHookean(float(mu), float(lam)) for mu, lam in zip(equilibrium.mu, equilibrium.lam, strict=True)
     )
     restraints = model.prior.restraints
     return Scene(
-        predictor.mesh, Probe(geometry.vertices, geometry.triangles, "probe"), materials,
+        predictor.mesh, pose.probes[0].probe, materials,
         ContactConfig(gap=pose.contact.config.gap, friction=pose.contact.config.friction),
         SolverConfig(threads=config.threads), joints=restraints.joints, foundations=restraints.foundations,
     )
