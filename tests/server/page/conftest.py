@@ -12,7 +12,6 @@ import pytest
 from mixpinn.geometry.probe_shapes import spherical_probe
 from mixpinn.press.domain import PoseDomain
 from mixpinn.press.error_law import PoseErrorLaw
-from mixpinn.press.records import ProbeGeometry
 from mixpinn.server.gate import Door
 from mixpinn.server.run import LiveServer
 from mixpinn.serving import HybridPredictor
@@ -32,7 +31,7 @@ def predictor() -> HybridPredictor:
     coefficients = np.zeros((3, 8))
     coefficients[:, 0], coefficients[:, 1] = np.log([0.05, 0.4, 0.07]), 0.5
     law = PoseErrorLaw(coefficients, np.array([2.0, 2.5, 2.2]), 0.95)
-    ball = bare.pose.contact.field(ProbeGeometry.of_probe(spherical_probe(radius=7.0, subdivisions=3)))
+    ball = bare.pose.contact.field(spherical_probe(radius=7.0, subdivisions=3))
     pose = replace(bare.pose, probes=(ball,), domain=PoseDomain.of_mesh(bare.mesh, deepest=8.0), error=law)
     return HybridPredictor(replace(bare.model, name="block"), pose=pose)
 
