@@ -39,8 +39,15 @@ def read_npy(path: Path | str, *, mapped: bool = False) -> AnyArray:
     return np.memmap(path, dtype=dtype, mode="r", offset=start, shape=shape, order="F" if fortran else "C")
 
 
-def read_npz(path: Path | str, names: Sequence[str] | None = None) -> dict[str, AnyArray]:
+def read_npz(
+    path: Path | str, names: Sequence[str] | None = None, *, most: int = 1 << 30,
+) -> dict[str, AnyArray]:
     """Read arrays of an archive by name; without `names` all.
+
+    Args:
+        path: the file.
+        names: of the arrays that are wanted.
+        most: size that one of them may have, unpacked [byte].
 
     Raises:
         OSError: absent or unreadable.
@@ -55,6 +62,8 @@ def read_npz(path: Path | str, names: Sequence[str] | None = None) -> dict[str, 
                 member = members.get(f"{name}.npy")
                 if member is None:
                     raise KeyError(f"{name} is not among {', '.join(sorted(members)) or 'its arrays'}")
+                if member.file_size > most:
+                    raise ValueError(f"{name}: {member.file_size / 1e9:.1f} GB, more than can be meant")
                 _require_room(member.file_size)
                 with archive.open(member) as packed:
                     content = packed.read(member.file_size + 1)

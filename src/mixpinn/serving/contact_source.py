@@ -24,6 +24,10 @@ _COLUMNS = {
 """What the columns of a table may be called."""
 
 
+_MOST = 1 << 28
+"""Size of one array of an archive of contacts [byte]; a hundred times what a whole mesh has."""
+
+
 @dataclass(frozen=True)
 class SampleAddress:
     """A sample of a simulation store.
@@ -94,7 +98,7 @@ def _read_json(path: Path) -> tuple[AnyArray, AnyArray]:
 
 
 def _read_npz(path: Path) -> tuple[AnyArray, AnyArray]:
-    values = read_npz(path, ("nodes", "displacements"))
+    values = read_npz(path, ("nodes", "displacements"), most=_MOST)
     return values["nodes"], values["displacements"]
 
 
