@@ -54,8 +54,8 @@ def _labels(folder: Path, content: bytes) -> None:
 
 
 def _meshes(folder: Path, content: bytes) -> None:
-    from mixpinn.records.joint_frame import load_joint_frames
     from mixpinn.records import TissueMesh
+    from mixpinn.records.joint_frame import load_joint_frames
 
     if content[:1] == b"{":
         (folder / "joints.json").write_bytes(content)
@@ -92,7 +92,8 @@ def _bundles(folder: Path, content: bytes) -> None:
     if not bundle.exists():
         _sound_bundle(bundle)
     name = _BUNDLE_FILES[content[0] % len(_BUNDLE_FILES)] if content else _BUNDLE_FILES[0]
-    kept = {path: path.read_bytes() for path in (bundle / name, bundle / "manifest.json", bundle / "prior/manifest.json")}
+    altered = (bundle / name, bundle / "manifest.json", bundle / "prior/manifest.json")
+    kept = {path: path.read_bytes() for path in altered}
     try:
         (bundle / name).write_bytes(content[1:])
         if not name.endswith("manifest.json"):
@@ -112,6 +113,7 @@ def _bundles(folder: Path, content: bytes) -> None:
 def _sound_bundle(folder: Path) -> None:
     """A bundle of a block of 27 nodes, nothing learned."""
     from kuhn_block import grid_points, kuhn_cells
+
     from mixpinn.fem import ContactConfig, StableNeoHookean
     from mixpinn.geometry.probe_shapes import linear_probe
     from mixpinn.press.files import save_pose_model
@@ -141,7 +143,8 @@ READERS: dict[str, Callable[[Path, bytes], None]] = {
     "tables": _tables, "labels": _labels, "meshes": _meshes, "foreign": _foreign, "bundles": _bundles,
 }
 _INSTRUMENTED = [
-    "mixpinn.base", "mixpinn.records", "mixpinn.anatomy.images", "mixpinn.anatomy.name_table", "mixpinn.serving", "mixpinn.reduced.prior",
+    "mixpinn.base", "mixpinn.records", "mixpinn.anatomy.images", "mixpinn.anatomy.name_table", "mixpinn.serving",
+    "mixpinn.reduced.prior",
     "mixpinn.reduced.hybrid", "mixpinn.press.files", "mixpinn.dataset.protocol", "mixpinn.dataset.split",
     "mixpinn.training.history", "mixpinn.mesh.import_vtu", "mixpinn.mesh.read_grid",
 ]
@@ -173,9 +176,11 @@ def seeds(reader: str) -> list[bytes]:
             frame = {"first": "a", "second": "b", "origin": [0, 0, 0], "axes": np.eye(3).tolist(), "spacing": 1.0}
             return [(Path(folder) / "b" / "mesh.vtu").read_bytes(), json.dumps({"joints": [frame]}).encode()]
     return [
-        b"\x00node,dx,dy,dz\n3,0,-1,0\n", b"\x00302.0;0,5;-1,25;0\n", b'\x01{"nodes": [1], "displacements": [[0, 1, 2]]}',
+        b"\x00node,dx,dy,dz\n3,0,-1,0\n", b"\x00302.0;0,5;-1,25;0\n",
+        b'\x01{"nodes": [1], "displacements": [[0, 1, 2]]}',
         b"\x02" + archive(nodes=saved([1, 2]), displacements=saved(np.ones((2, 3)))), b"\x03x y z\n0 1 2\n",
-        b"\x04index,name\n1,liver\n", b'\x05{"1": "liver"}', b'\x041 0 0 0 1 1 1 "liver"\n', b"\x06[mesh]\nsize = 2.0\n",
+        b"\x04index,name\n1,liver\n", b'\x05{"1": "liver"}', b'\x041 0 0 0 1 1 1 "liver"\n',
+        b"\x06[mesh]\nsize = 2.0\n",
         b'\x07{"mesh": {"size": 2}}', b'\x08{"train": [0], "val": [1], "test": [2]}',
         b"\x09epoch,train_loss,validation_loss,learning_rate,seconds\n1,1.0,1.0,0.1,3\n",
     ]
@@ -200,10 +205,12 @@ def main() -> None:
         from mixpinn.base import manifest
 
         manifest._checked.clear()
+        said = ""
         try:
             READERS[reader](folder, content)
         except InputError as error:
-            assert "\n" not in str(error), str(error)
+            said = str(error)
+        assert "\n" not in said
 
     atheris.Setup([sys.argv[0], str(corpus), "-rss_limit_mb=3000", "-timeout=20", *options], one)
     try:

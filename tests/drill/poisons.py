@@ -24,7 +24,8 @@ from mixpinn.stages.seal import seal_folder
 from pipeline.chain import Chain
 
 Recipes = dict[str, Callable[["Kitchen"], list[object]]]
-NPY = "{'descr': '<f8', 'fortran_order': False, 'shape': (%s,)}"
+LONG = "9" * 6000
+NPY = "{'descr': '<f8', 'fortran_order': False, 'shape': (EXTENT,)}"
 
 
 @dataclass(frozen=True)
@@ -80,6 +81,44 @@ class Kitchen:
         write_arrays(folder / name, arrays | {key: change(arrays[key]) for key, change in changed.items()}, about=about)
         return self.seal(folder)
 
+    def prior(self, change: Callable[[bytes], bytes]) -> list[object]:
+        """A prediction of a bundle with another compliance."""
+        return self.predict(self.content(self.bundle, "prior/compliance.npy", change))
+
+    def tensors(self, change: Callable[[bytes], bytes]) -> list[object]:
+        """A prediction of a bundle with other tensors, whose own checksum need not fit."""
+        return self.predict(self.content(self.bundle, "hybrid.safetensors", change))
+
+    def gain(self, array: np.ndarray) -> list[object]:
+        """A prediction of a bundle with another regression."""
+        return self.predict(self.arrays(self.bundle, "hybrid.safetensors", gain=lambda _: array.astype(np.float32)))
+
+    def weights(self, change: Callable[[np.ndarray], np.ndarray]) -> list[object]:
+        """A prediction of a network one of whose weights is another."""
+        name = "weights.safetensors"
+        arrays, _ = read_arrays(self.chain.model / name)
+        first = next(key for key in sorted(arrays) if key.startswith("network.") and arrays[key].ndim == 2)
+        return self.predict(self.arrays(self.chain.model, name, **{first: change}))
+
+    def network(self, *keys: str, value: object) -> list[object]:
+        return self.predict(self.entry(self.chain.model, "model.json", *keys, value=value))
+
+    def hybrid(self, key: str, value: object) -> list[object]:
+        return self.predict(self.entry(self.bundle, "hybrid.json", key, value=value))
+
+    def store(self, *keys: str | int, value: object) -> list[object]:
+        return self.dataset(self.entry(self.chain.simulation / "store", "store.json", *keys, value=value))
+
+    def described(self, *keys: str | int, value: object) -> list[object]:
+        """The mesh of a label map with another description."""
+        return ["mesh", self.entry(self.chain.anatomy, "labels.json", *keys, value=value), "--out", self.out]
+
+    def split(self, text: str) -> list[object]:
+        return ["dataset", self.chain.simulation, "--split", self.file("s.json", text)]
+
+    def own_mesh(self, change: Callable[[bytes], bytes]) -> list[object]:
+        return self.simulate(mesh=self.content(self.chain.mesh, "mesh.vtu", change))
+
     # Words of the commands that read what was made.
 
     def contacts(self, name: str, content: bytes | str) -> list[object]:
@@ -102,6 +141,12 @@ class Kitchen:
     def labels(self, name: str, content: bytes | str) -> list[object]:
         return ["anatomy", self.file(name, content), "--out", self.out, "--set", 'accept=["scale"]']
 
+    def train(self, setting: str) -> list[object]:
+        return ["train", self.chain.simulation, "--out", self.out, "--set", setting]
+
+    def named(self, name: str, content: str) -> list[object]:
+        return [*self.labels("l.nii", nifti()), "--names", self.file(name, content)]
+
     def settings(self, name: str, content: str) -> list[object]:
         return ["run", self.file(name, content), "--out", self.out]
 
@@ -119,8 +164,9 @@ class Kitchen:
         return self.dataset(folder)
 
 
-def npy(shape: str) -> bytes:
-    header = (NPY % shape).ljust(117).encode() + b"\n"
+def npy(extent: str) -> bytes:
+    """An array of 48 bytes of numbers whose header says another extent."""
+    header = NPY.replace("EXTENT", extent).ljust(117).encode() + b"\n"
     return b"\x93NUMPY\x01\x00" + struct.pack("<H", len(header)) + header + bytes(48)
 
 
@@ -141,9 +187,9 @@ def saved(array: object) -> bytes:
 def bomb(size: int) -> bytes:
     """Many zeros in few bytes, after a header of NumPy that announces them."""
     buffer = io.BytesIO()
-    header = ("{'descr': '|i1', 'fortran_order': False, 'shape': (%d,)}" % size).ljust(117).encode() + b"\n"
-    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as file, file.open("nodes.npy", "w") as out:
-        out.write(b"\x93NUMPY\x01\x00" + struct.pack("<H", len(header)) + header)
+    packing = {"mode": "w", "compression": zipfile.ZIP_DEFLATED, "compresslevel": 1}
+    with zipfile.ZipFile(buffer, **packing) as file, file.open("nodes.npy", "w") as out:
+        out.write(npy(str(size // 8))[:-48])
         for _ in range(size >> 20):
             out.write(bytes(1 << 20))
     return buffer.getvalue()
@@ -239,9 +285,9 @@ TABLES: Recipes = {
     "contacts: one line of 8 MB": lambda k: k.contacts("c.csv", "1," * 4_000_000),
     "contacts: brackets without end": lambda k: k.contacts("c.json", "[" * 200_000),
     "contacts: JSON of 1e400": lambda k: k.contacts("c.json", '{"nodes": [1e400], "displacements": [[0, 0, 0]]}'),
-    "contacts: JSON of a long number": lambda k: k.contacts("c.json", '{"nodes": [%s]}' % ("9" * 6000)),
+    "contacts: JSON of a long number": lambda k: k.contacts("c.json", f'{{"nodes": [{LONG}]}}'),
     "contacts: JSON of texts": lambda k: k.contacts("c.json", '{"nodes": ["a"], "displacements": ["b"]}'),
-    "contacts: JSON of uneven rows": lambda k: k.contacts("c.json", '{"nodes": [1, 2], "displacements": [[1], [1, 2]]}'),
+    "contacts: JSON of uneven rows": lambda k: k.contacts("c.json", '{"nodes": [1, 2], "displacements": [[1], []]}'),
     "contacts: NPZ of 8 TB": lambda k: k.contacts("c.npz", archive(nodes=npy("10**12"), displacements=npy("6"))),
     "contacts: NPZ that claims": lambda k: k.contacts("c.npz", archive(nodes=npy("999999999999"))),
     "contacts: NPZ of objects": lambda k: k.contacts("c.npz", archive(nodes=saved(np.array([{}], object)))),
@@ -250,8 +296,8 @@ TABLES: Recipes = {
     "positions: NaN": lambda k: k.simulate("--positions", k.file("p.txt", "x y z\n0 nan 0\n")),
     "positions: 1e308": lambda k: k.simulate("--positions", k.file("p.txt", "x y z\n1e308 0 0\n")),
     "positions: UTF-16 of nothing": lambda k: k.simulate("--positions", k.file("p.txt", b"\xff\xfe\x00\xd8\x00")),
-    "names: twice one name": lambda k: [*k.labels("l.nii", nifti()), "--names", k.file("n.json", '{"1": "a", "2": "a"}')],
-    "names: huge": lambda k: [*k.labels("l.nii", nifti()), "--names", k.file("n.csv", "index,name\n1e300,a\n")],
+    "names: twice one name": lambda k: k.named("n.json", '{"1": "a", "2": "a"}'),
+    "names: huge": lambda k: k.named("n.csv", "index,name\n1e300,a\n"),
 }
 SETTINGS: Recipes = {
     "steps of 1e9": lambda k: k.simulate("--set", "protocol.steps=1000000000"),
@@ -260,55 +306,53 @@ SETTINGS: Recipes = {
     "friction NaN": lambda k: k.simulate("--set", "contact.friction=NaN"),
     "workers of 1e9": lambda k: k.simulate("--workers", "1000000000"),
     "mesh of size 1e-9": lambda k: ["mesh", k.chain.anatomy, "--out", k.out, "--size", "1e-9"],
-    "a million channels": lambda k: ["train", k.chain.simulation, "--out", k.out, "--set", "model.hidden=100000"],
-    "a batch of 1e12": lambda k: ["train", k.chain.simulation, "--out", k.out, "--set", "train.batch_size=1000000000000"],
+    "a million channels": lambda k: k.train("model.hidden=100000"),
+    "a batch of 1e12": lambda k: k.train("train.batch_size=1000000000000"),
     "a phantom of a light year": lambda k: ["anatomy", "phantom", "--out", k.out, "--set", "phantom.width=1e19"],
     "a phantom of fine voxels": lambda k: ["anatomy", "phantom", "--out", k.out, "--set", "phantom.spacing=[1e-4,1,1]"],
     "TOML without end": lambda k: k.settings("r.toml", "a = " + "[" * 100_000),
     "TOML of NaN": lambda k: k.settings("r.toml", "[mesh]\nsize = nan\n"),
     "JSON without end": lambda k: k.settings("r.json", '{"a":' * 100_000),
-    "JSON of a long number": lambda k: k.settings("r.json", '{"mesh": {"size": %s}}' % ("9" * 6000)),
+    "JSON of a long number": lambda k: k.settings("r.json", f'{{"mesh": {{"size": {LONG}}}}}'),
     "JSON of bytes": lambda k: k.settings("r.json", "\x00\x01"),
     "a path with a zero": lambda k: k.settings("r.json", '{"anatomy": {"source": "folder", "path": "a\\u0000b"}}'),
 }
 JSON: Recipes = {
-    "network: layers 1e9": lambda k: k.predict(k.entry(k.chain.model, "model.json", "config", "layers", value=10**9)),
-    "network: layers 1000": lambda k: k.predict(k.entry(k.chain.model, "model.json", "config", "layers", value=1000)),
-    "network: hidden 1e5": lambda k: k.predict(k.entry(k.chain.model, "model.json", "config", "hidden", value=10**5)),
+    "network: layers 1e9": lambda k: k.network("config", "layers", value=10**9),
+    "network: layers 1000": lambda k: k.network("config", "layers", value=1000),
+    "network: hidden 1e5": lambda k: k.network("config", "hidden", value=10**5),
     "network: null": lambda k: k.predict(k.content(k.chain.model, "model.json", lambda _: b"null")),
-    "bundle: μ of text": lambda k: k.predict(k.entry(k.bundle, "hybrid.json", "mu", value="soft")),
-    "bundle: μ too long": lambda k: k.predict(k.entry(k.bundle, "hybrid.json", "mu", value=[1.0] * 7)),
-    "bundle: μ negative": lambda k: k.predict(k.entry(k.bundle, "hybrid.json", "mu", value=[-1.0])),
-    "bundle: μ NaN": lambda k: k.predict(k.entry(k.bundle, "hybrid.json", "mu", value=[float("nan")])),
-    "bundle: reach negative": lambda k: k.predict(k.entry(k.bundle, "hybrid.json", "reach", value=-1.0)),
+    "bundle: μ of text": lambda k: k.hybrid("mu", "soft"),
+    "bundle: μ too long": lambda k: k.hybrid("mu", [1.0] * 7),
+    "bundle: μ negative": lambda k: k.hybrid("mu", [-1.0]),
+    "bundle: μ NaN": lambda k: k.hybrid("mu", [float("nan")]),
+    "bundle: reach negative": lambda k: k.hybrid("reach", -1.0),
     "prior: nodes beyond": lambda k: k.predict(k.entry(k.bundle, "prior/prior.json", "nodes", value=[10**9])),
     "prior: nodes twice": lambda k: k.predict(k.entry(k.bundle, "prior/prior.json", "nodes", 0, value=10**4)),
     "manifest: a list": lambda k: k.predict(_unsealed(k, k.bundle, "manifest.json", b"[]")),
     "manifest: endless": lambda k: k.predict(_unsealed(k, k.bundle, "manifest.json", b"[" * 99_999)),
-    "store: steps 1e9": lambda k: k.dataset(k.entry(k.chain.simulation / "store", "store.json", "protocol", "steps", value=10**9)),
-    "store: positions NaN": lambda k: k.dataset(
-        k.entry(k.chain.simulation / "store", "store.json", "positions", 0, value=[float("nan")] * 3)),
-    "store: an unknown pose": lambda k: k.dataset(
-        k.entry(k.chain.simulation / "store", "store.json", "poses", 0, "position_index", value=77)),
-    "labels: a flat affine": lambda k: ["mesh", k.entry(k.chain.anatomy, "labels.json", "affine", 2, value=[0.0] * 4), "-o", k.out],
-    "labels: too few names": lambda k: ["mesh", k.entry(k.chain.anatomy, "labels.json", "rigid_names", value=[]), "-o", k.out],
-    "split: overlapping": lambda k: ["dataset", k.chain.simulation, "--split", k.file("s.json", '{"train": [0], "val": [0], "test": [1]}')],
-    "split: huge": lambda k: ["dataset", k.chain.simulation, "--split", k.file("s.json", '{"train": [1e99], "val": [], "test": []}')],
-    "split: null": lambda k: ["dataset", k.chain.simulation, "--split", k.file("s.json", "null")],
+    "store: steps 1e9": lambda k: k.store("protocol", "steps", value=10**9),
+    "store: positions NaN": lambda k: k.store("positions", 0, value=[float("nan")] * 3),
+    "store: an unknown pose": lambda k: k.store("poses", 0, "position_index", value=77),
+    "labels: a flat affine": lambda k: k.described("affine", 2, value=[0.0] * 4),
+    "labels: too few names": lambda k: k.described("rigid_names", value=[]),
+    "split: overlapping": lambda k: k.split('{"train": [0], "val": [0], "test": [1]}'),
+    "split: huge": lambda k: k.split('{"train": [1e99], "val": [], "test": []}'),
+    "split: null": lambda k: k.split("null"),
     "run: a list": lambda k: _run_record(k, "[]"), "run: a number": lambda k: _run_record(k, "3"),
 }
 ARRAYS: Recipes = {
-    "prior: 8 TB": lambda k: k.predict(k.content(k.bundle, "prior/compliance.npy", lambda _: npy("999999999999"))),
-    "prior: of objects": lambda k: k.predict(k.content(k.bundle, "prior/compliance.npy", lambda _: saved(np.array([{}], object)))),
-    "prior: another shape": lambda k: k.predict(k.content(k.bundle, "prior/compliance.npy", lambda _: saved(np.eye(3)))),
-    "prior: NaN": lambda k: k.predict(k.content(k.bundle, "prior/compliance.npy", lambda c: c[:-4] + struct.pack("<f", np.nan))),
-    "prior: half": lambda k: k.predict(k.content(k.bundle, "prior/compliance.npy", lambda c: c[: len(c) // 2])),
-    "bundle: modes NaN": lambda k: k.predict(k.arrays(k.bundle, "hybrid.safetensors", gain=lambda a: np.full((5, 5), np.nan, np.float32))),
-    "bundle: another gain": lambda k: k.predict(k.arrays(k.bundle, "hybrid.safetensors", gain=lambda a: np.ones((3, 4), np.float32))),
-    "bundle: half its tensors": lambda k: k.predict(k.content(k.bundle, "hybrid.safetensors", lambda c: c[: len(c) // 2])),
-    "bundle: tensors of 8 TB": lambda k: k.predict(k.content(k.bundle, "hybrid.safetensors", lambda c: struct.pack("<Q", 1 << 43) + c[8:])),
-    "network: weights NaN": lambda k: k.predict(k.arrays(k.chain.model, "weights.safetensors", **{_first_weight(k): nan})),
-    "network: weights of another shape": lambda k: k.predict(k.arrays(k.chain.model, "weights.safetensors", **{_first_weight(k): shorter})),
+    "prior: 8 TB": lambda k: k.prior(lambda _: npy("999999999999")),
+    "prior: of objects": lambda k: k.prior(lambda _: saved(np.array([{}], object))),
+    "prior: another shape": lambda k: k.prior(lambda _: saved(np.eye(3))),
+    "prior: NaN": lambda k: k.prior(lambda c: c[:-4] + struct.pack("<f", np.nan)),
+    "prior: half": lambda k: k.prior(lambda c: c[: len(c) // 2]),
+    "bundle: modes NaN": lambda k: k.gain(np.full((5, 5), np.nan)),
+    "bundle: another gain": lambda k: k.gain(np.ones((3, 4))),
+    "bundle: half its tensors": lambda k: k.tensors(lambda c: c[: len(c) // 2]),
+    "bundle: tensors of 8 TB": lambda k: k.tensors(lambda c: struct.pack("<Q", 1 << 43) + c[8:]),
+    "network: weights NaN": lambda k: k.weights(nan),
+    "network: weights of another shape": lambda k: k.weights(shorter),
     "pose: an endless field": lambda k: k.resimulated("displacement/zarr.json", lambda c: _zarr(c, 10**12)),
     "pose: a field of 50 GB": lambda k: k.resimulated("displacement/zarr.json", lambda c: _zarr(c, 10**6)),
     "pose: a step more": lambda k: k.resimulated("converged/zarr.json", lambda c: _zarr(c, 4)),
@@ -318,16 +362,16 @@ ARRAYS: Recipes = {
 }
 MESHES: Recipes = {
     "vtu: -7 points": lambda k: k.mesh("m.vtu", grid(".vtu", 'NumberOfPoints="64"', 'NumberOfPoints="-7"')),
-    "vtu: 900,000,000 points": lambda k: k.mesh("m.vtu", grid(".vtu", 'NumberOfPoints="64"', 'NumberOfPoints="900000000"')),
+    "vtu: 900,000,000 points": lambda k: k.mesh("m.vtu", grid(".vtu", 'Points="64"', 'Points="900000000"')),
     "vtu: -7 cells": lambda k: k.mesh("m.vtu", grid(".vtu", 'NumberOfCells="135"', 'NumberOfCells="-7"')),
     "vtu: entities": lambda k: k.mesh("m.vtu", '<!DOCTYPE a [<!ENTITY b "' + "c" * 999 + '">]>' + grid(".vtu")),
     "vtk: 2,000,000,000 points": lambda k: k.mesh("m.vtk", grid(".vtk", "POINTS 64", "POINTS 2000000000")),
     "vtk: cells of another kind": lambda k: k.mesh("m.vtk", grid(".vtk", "CELL_TYPES 135\n10", "CELL_TYPES 135\n77")),
     "msh: 2,000,000,000 points": lambda k: k.mesh("m.msh", grid(".msh", "$Nodes\n64", "$Nodes\n2000000000")),
     "msh: nothing": lambda k: k.mesh("m.msh", ""),
-    "own mesh: -7 points": lambda k: k.simulate(mesh=k.content(k.chain.mesh, "mesh.vtu", lambda c: c.replace(b'Points="', b'Points="-'))),
-    "own mesh: 10^12 cells": lambda k: k.simulate(mesh=k.content(k.chain.mesh, "mesh.vtu", lambda c: c.replace(b'Cells="', b'Cells="9999999999'))),
-    "own mesh: half": lambda k: k.simulate(mesh=k.content(k.chain.mesh, "mesh.vtu", lambda c: c[: len(c) // 2])),
+    "own mesh: -7 points": lambda k: k.own_mesh(lambda c: c.replace(b'OfPoints="', b'OfPoints="-')),
+    "own mesh: 10^12 cells": lambda k: k.own_mesh(lambda c: c.replace(b'OfCells="', b'OfCells="9999999999')),
+    "own mesh: half": lambda k: k.own_mesh(lambda c: c[: len(c) // 2]),
     "own mesh: part 7": lambda k: k.simulate(mesh=_own(k, "part", 7)),
     "own mesh: a flat cell": lambda k: k.simulate(mesh=_own(k, "flat", 0)),
     "probe: 4,000,000,000 triangles": lambda k: k.simulate("--probe", k.file("p.stl", stl(count=4_000_000_000))),
@@ -358,7 +402,8 @@ LABELS: Recipes = {
 POISONS = {
     f"{group}: {name}": recipe
     for group, recipes in (
-        ("table", TABLES), ("settings", SETTINGS), ("JSON", JSON), ("array", ARRAYS), ("mesh", MESHES), ("labels", LABELS),
+        ("table", TABLES), ("settings", SETTINGS), ("JSON", JSON), ("array", ARRAYS), ("mesh", MESHES),
+        ("labels", LABELS),
     ) for name, recipe in recipes.items()
 }
 PLY = (
@@ -378,11 +423,6 @@ def _run_record(k: Kitchen, text: str) -> list[object]:
     folder = k.copy(k.chain.mesh)
     (folder / "run.json").write_text(text)
     return ["mesh", k.chain.anatomy, "--config", k.chain.settings("mesh"), "--out", folder]
-
-
-def _first_weight(k: Kitchen) -> str:
-    arrays, _ = read_arrays(k.chain.model / "weights.safetensors")
-    return next(name for name in sorted(arrays) if name.startswith("network.") and arrays[name].ndim == 2)
 
 
 def _zarr(content: bytes, extent: int) -> bytes:

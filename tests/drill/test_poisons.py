@@ -3,8 +3,6 @@
 import resource
 import time
 
-import pytest
-
 from drill.poisons import POISONS, Kitchen
 from pipeline.chain import command, contents
 from stages.test_seal import bundle  # noqa: F401 (a fixture)
