@@ -54,6 +54,8 @@ def _run() -> None:
         _leave(str(error), 1)
     except MixpinnError as error:
         _leave(str(error), 2)
+    except MemoryError as error:
+        _leave(f"the memory at hand is not enough ({' '.join(str(error).split()) or 'no size known'}); ask for less", 2)
     except OSError as error:
         if error.errno not in NO_ROOM:
             raise

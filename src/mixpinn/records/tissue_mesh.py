@@ -275,6 +275,11 @@ class TissueMesh:
         points, n = grid.points, len(grid.points)
         if nodes is not None:
             n = int(nodes[:, 4:].min(initial=n))  # the vertices come first
+        flat = int((signed_volumes(points, cells) <= 0.0).sum())
+        if flat:
+            raise InputError(
+                str(path), expected="cells of positive volume", got=f"{flat} flat or inverted ones", fix=_REMAKE,
+            )
         mesh = TissueMesh(
             points[:n], cells.astype(np.int32), grid.point_data["part"][:n],
             grid.point_data["fixed"].astype(bool)[:n], tuple(_text(name) for name in data["rigid_names"] if name),

@@ -41,6 +41,8 @@ T = TypeVar("T")
 MESH_RUN = Artefact("mesh", 1, "run 'mixpinn mesh' into another folder")
 MESH_RUN_FILES = (MESH_FILE, "statistics.json", "quality.json", "fidelity.json", "statistics.md", JOINTS_FILE)
 
+_FINEST, _COARSEST = 0.02, 100.0
+"""Sizes beyond which one is taken for a slip: a mesh has some fifty thousand nodes over the cube of it."""
 _LONGEST = 1.6
 """Longest edges of a mesh over the length that the mesher was asked for: longer ones are halved."""
 
@@ -84,7 +86,10 @@ class MeshConfig:
     timeout: float = 7200.0
 
     def __post_init__(self) -> None:
-        require_settings(self, "mesh", positive(self, "size", "timeout"))
+        require_settings(self, "mesh", {
+            "size": (_FINEST <= self.size <= _COARSEST, f"a positive number, from {_FINEST:g} to {_COARSEST:g}"),
+            **positive(self, "timeout"),
+        })
         if self.facets is not None and self.cells != "graded":
             raise InputError(
                 "facets", expected="graded cells", got=f"cells = {self.cells!r}", fix="leave one of the two out",

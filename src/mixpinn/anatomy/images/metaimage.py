@@ -89,7 +89,10 @@ def _data(path: Path, fields: dict[str, str], body: bytes | bytearray) -> AnyArr
         raise _bad(path, "binary numbers of one type", fields.get("elementtype", "no ElementType"))
     order = fields.get("elementbyteordermsb", fields.get("binarydatabyteordermsb", "False")).lower()
     dtype = np.dtype(kind).newbyteorder(">" if order == "true" else "<")
-    sizes = [int(size) for size in _numbers(path, fields.get("dimsize", ""), 3)]
+    extents = _numbers(path, fields.get("dimsize", ""), 3)
+    if not np.isfinite(extents).all():
+        raise _bad(path, "numbers of voxels as DimSize", fields["dimsize"])
+    sizes = [int(size) for size in extents]
     expected = check_extents(sizes, dtype.itemsize, str(path))
     if fields.get("compresseddata", "False").lower() == "true":
         try:

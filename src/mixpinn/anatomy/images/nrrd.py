@@ -50,6 +50,8 @@ def read_nrrd(path: Path) -> LabelImage:
         raise _bad(path, "three dimensions (and one of layers)", f"sizes {sizes}")
     vectors = _vectors(path, fields)
     layered = dimension == 4
+    if len(vectors) != dimension:
+        raise _bad(path, f"a direction for each of {dimension} axes", fields["space directions"][:60])
     if layered and (vectors[0] is not None or None in vectors[1:]):
         raise _bad(path, "layers along the first axis", fields.get("space directions", "nothing"))
     affine = _affine(path, fields, [vector for vector in vectors if vector is not None])
