@@ -6,10 +6,10 @@ from scipy.optimize import brentq
 
 from mixpinn.geometry.probe_shapes import spherical_probe
 from mixpinn.physics.contact_law import penalty
-from mixpinn.press.path_kernel import follow
+from mixpinn.press.path_kernel import Path, Skin, follow
 from mixpinn.press.probe_field import ProbeField
 from mixpinn.press.records import PlacedFields
-from mixpinn.press.step_kernel import solve_step
+from mixpinn.press.step_kernel import Contacts, solve_step
 
 GAP, SPRING, STIFFNESS, SMOOTHING = 2.0, 0.4, 5.0, 0.1
 ONE = np.ones((1, 1))
@@ -25,11 +25,13 @@ def fields():
 def press(fields, height, *, friction=0.0, before=None, lift=0.0):
     """One point that would lie `height` below the ball's tip without contact, on a spring in each direction."""
     place = np.array([[0.0, -height, 0.0]])
-    return solve_step(
-        place, np.full((1, 3), [0.0, lift, 0.0]), SPRING * np.eye(3), np.zeros(3), np.zeros((1, 2), np.int64), FIRST,
-        ONE, np.full(1, STIFFNESS), fields, np.eye(3)[None], np.zeros((1, 3)),
-        place.copy() if before is None else before, np.zeros((1, 3)), np.zeros(1), (GAP, friction, SMOOTHING), 1e-9, 60,
+    forces, found, converged, _ = solve_step(
+        place, np.full((1, 3), [0.0, lift, 0.0]), SPRING * np.eye(3), np.zeros(3), Contacts(
+            np.zeros((1, 2), np.int64), FIRST, ONE, np.full(1, STIFFNESS), fields, np.eye(3)[None], np.zeros((1, 3)),
+            place.copy() if before is None else before, np.zeros((1, 3)), np.zeros(1), (GAP, friction, SMOOTHING),
+        ), 1e-9, 60,
     )
+    return forces, found.push, found.slip, found.pull, converged
 
 
 def spring_force(height):
@@ -40,7 +42,7 @@ def spring_force(height):
 @pytest.mark.parametrize("height", [1.9, 1.0, 0.2])
 @pytest.mark.parametrize("lift", [0.0, 0.3])
 def test_the_force_on_a_spring_is_that_of_the_closed_form(fields, height, lift):
-    forces, push, slip, pull, converged, _ = press(fields, height, lift=lift)
+    forces, push, slip, pull, converged = press(fields, height, lift=lift)
     assert converged
     expected = spring_force(height)
     # The ball's surface is flat between its corners, and its distance is interpolated: 0.02 mm in all.
@@ -51,7 +53,7 @@ def test_the_force_on_a_spring_is_that_of_the_closed_form(fields, height, lift):
 
 
 def test_beyond_the_gap_nothing_acts(fields):
-    forces, push, _, _, converged, _ = press(fields, 2.1)
+    forces, push, _, _, converged = press(fields, 2.1)
     assert converged
     assert not forces.any()
     assert not push.any()
@@ -60,7 +62,7 @@ def test_beyond_the_gap_nothing_acts(fields):
 @pytest.mark.parametrize("friction", [0.1, 0.5])
 def test_a_point_dragged_far_slips_at_coulombs_bound(fields, friction):
     before = np.array([[-3.0, -1.0, 0.0]])  # where it lay in the ball's frame before the ball moved
-    _, push, slip, pull, converged, _ = press(fields, 1.0, friction=friction, before=before)
+    _, push, slip, pull, converged = press(fields, 1.0, friction=friction, before=before)
     assert converged
     # N along the normal and μ N across it, whichever way the normal leans
     assert np.linalg.norm(pull[0]) == pytest.approx(push[0] * np.hypot(1.0, friction), rel=1e-6)
@@ -73,8 +75,8 @@ def test_without_friction_a_path_ends_where_one_step_does(fields):
     translations = np.zeros((6, 1, 3))
     translations[:, 0, 1] = steps  # the ball comes down on a point at the origin
     force, _, push, _, done, _ = follow(
-        np.zeros((1, 3)), SPRING * np.eye(3), FIRST, ONE, np.full(1, STIFFNESS), fields,
-        np.tile(np.eye(3), (6, 1, 1, 1)), translations, np.zeros((6, 1, 3)), np.zeros(3), np.zeros((1, 1, 3)),
+        np.zeros((1, 3)), SPRING * np.eye(3), Skin(FIRST, ONE, np.full(1, STIFFNESS)), fields,
+        Path(np.tile(np.eye(3), (6, 1, 1, 1)), translations, np.zeros((6, 1, 3))), np.zeros(3), np.zeros((1, 1, 3)),
         np.zeros((1, 1)), (GAP, 0.0, SMOOTHING), 1e-9, 60,
     )
     assert done == 5

@@ -1,10 +1,13 @@
 """Contact along a path of placements, compiled: which points of the skin are near, and one solve after another."""
 
+from typing import NamedTuple
+
 import numba
 import numpy as np
 
+from mixpinn.base.arrays import FloatArray, IntArray
 from mixpinn.press.probe_field import FAR, distance_at
-from mixpinn.press.step_kernel import field_of, solve_step
+from mixpinn.press.step_kernel import Contacts, field_of, solve_step
 
 # mypy cannot see through numba's decorators: the kernels are untyped, their callers are not.
 
@@ -14,119 +17,88 @@ _ON_THE_WAY = 1e-3
 """Tolerance of all steps but the last, which has its own."""
 
 
+class Skin(NamedTuple):
+    """Points of the skin of a patch: nodes that each hangs on (p, w), how (p, w), and its stiffness [N/mm] (p,)."""
+
+    stencil: IntArray
+    weights: FloatArray
+    stiffness: FloatArray
+
+
+class Path(NamedTuple):
+    """Placements of k probes before the first of s steps and after each.
+
+    Attributes:
+        rotations, translations: of the probes, shapes (s + 1, k, 3, 3) and (s + 1, k, 3).
+        shifts: where the nodes would be without contact, relative to rest, at the same times, shape (s + 1, n, 3).
+    """
+
+    rotations: FloatArray
+    translations: FloatArray
+    shifts: FloatArray
+
+
 @numba.njit(cache=True, nogil=True)
 def follow(  # type: ignore[no-untyped-def]
-    rest, compliance, stencil, weights, stiffness, fields, rotations, translations, shifts, force, slip, leads, law,
-    tolerance, max_iterations,
+    rest, compliance, skin, fields, path, force, slip, leads, law, tolerance, max_iterations,
 ):
     """Go along a path of placements, each step from the equilibrium of the one before.
 
     Args:
         rest: nodes of the patch [mm], shape (n, 3).
         compliance: of the patch [mm/N], shape (3 n, 3 n).
-        stencil, weights, stiffness: points of the skin of the patch, shapes (p, w), (p, w), (p,).
-        fields: of the probes, joined (see `_field`).
-        rotations, translations: of every probe before the first step and after each, (s + 1, k, 3, 3), (s + 1, k, 3).
-        shifts: where the nodes would be without contact, relative to rest, at the same times, shape (s + 1, n, 3).
+        skin: a `Skin`.
+        fields: of the probes, joined (see `field_of`).
+        path: a `Path`.
         force, slip: λ (3 n,) and elastic slips in the probes' frames (k, p, 3) before the first step.
         leads: v₀ of every point under every probe, shape (k, p).
         law: gap, μ, δ.
+        tolerance: of the forces after the last step, relative.
+        max_iterations: of one solve.
 
     Returns:
         λ, slips, normal forces (k, p), forces in the world (k, p, 3), steps done, iterations. It ends early where a
         step does not converge.
     """
-    n_steps, n_probes = rotations.shape[0] - 1, rotations.shape[1]
-    n, n_points, width = len(rest), len(stencil), stencil.shape[1]
+    n_steps, n_probes = path.rotations.shape[0] - 1, path.rotations.shape[1]
+    n, n_points = len(rest), len(skin.stencil)
     force, slip = force.copy(), slip.copy()
     earlier, had_earlier, before_length = force.copy(), False, 0.0
     push, pull = np.zeros((n_probes, n_points)), np.zeros((n_probes, n_points, 3))
+    old, new = np.empty((n_probes, n_points, 3)), np.empty((n_probes, n_points))
     used = 0
     local = np.full(n, -1)
     for step in range(n_steps):
-        x = _positions(rest, shifts[step], compliance, force)
-        old, new = np.empty((n_probes, n_points, 3)), np.empty((n_probes, n_points))
-        length = 0.0
-        for k in range(n_probes):
-            field, box = field_of(fields, k), (fields[5][k], fields[6][k])
-            _approach(x, stencil, weights, field, box, rotations[step : step + 2, k], translations[step : step + 2, k],
-                      law[0], old[k], new[k])
-            moved = translations[step + 1, k] - translations[step, k]
-            length = max(length, np.sqrt((moved * moved).sum()))
-        if (shifts[step + 1] != shifts[step]).any():
-            raised_x = x + shifts[step + 1] - shifts[step]
-            other_old, other = np.empty((n_points, 3)), np.empty(n_points)
-            for k in range(n_probes):
-                field, box = field_of(fields, k), (fields[5][k], fields[6][k])
-                _approach(raised_x, stencil, weights, field, box, rotations[step : step + 2, k],
-                          translations[step : step + 2, k], law[0], other_old, other)
-                new[k] = np.maximum(new[k], other)
+        length = _look_ahead(_positions(rest, path.shifts[step], compliance, force), skin, fields, path, step, law[0],
+                             old, new)
         slack, done, last, guess = _SLACK, False, step == n_steps - 1, 0
         for _ in range(4):
-            chosen = new > -slack
-            for k in range(n_probes):
-                for p in range(n_points):
-                    if slip[k, p, 0] != 0.0 or slip[k, p, 1] != 0.0 or slip[k, p, 2] != 0.0:
-                        chosen[k, p] = True
+            chosen = _followed(new, slip, slack)
             pairs = np.argwhere(chosen)
             if not len(pairs):
                 force[:] = 0.0
                 push[:], pull[:] = 0.0, 0.0
                 done = True
                 break
-            local[:] = -1
-            for c in range(len(pairs)):
-                for i in range(width):
-                    local[stencil[pairs[c, 1], i]] = 0
-            nodes = np.flatnonzero(local >= 0)
-            a = len(nodes)
-            for i in range(a):
-                local[nodes[i]] = i
-            part, near, begin = np.empty((3 * a, 3 * a)), np.empty((a, 3)), np.empty(3 * a)
-            lift = np.zeros((a, 3))
+            nodes = _nodes_of(pairs, skin.stencil, local)
+            # The first guess goes on as the last step went, the next stays at its forces, the last begins with none.
             ratio = length / before_length if had_earlier and before_length > 0.0 and guess == 0 else 0.0
-            for i in range(a):
-                for r in range(3):
-                    near[i, r] = rest[nodes[i], r] + shifts[step + 1, nodes[i], r]
-                    if guess == 0:
-                        lift[i, r] = shifts[step + 1, nodes[i], r] - shifts[step, nodes[i], r]
-                    here = 3 * nodes[i] + r
-                    begin[3 * i + r] = force[here] + ratio * (force[here] - earlier[here]) if guess < 2 else 0.0
-                    row, source = part[3 * i + r], compliance[here]
-                    for j in range(a):
-                        for q in range(3):
-                            row[3 * j + q] = source[3 * nodes[j] + q]
-            chosen_stencil, chosen_weights = np.empty((len(pairs), width), np.int64), np.empty((len(pairs), width))
-            before, carried, lead = np.empty((len(pairs), 3)), np.empty((len(pairs), 3)), np.empty(len(pairs))
-            for c in range(len(pairs)):
-                k, p = pairs[c, 0], pairs[c, 1]
-                lead[c] = leads[k, p]
-                for i in range(width):
-                    chosen_stencil[c, i], chosen_weights[c, i] = local[stencil[p, i]], weights[p, i]
-                for r in range(3):
-                    before[c, r], carried[c, r] = old[k, p, r], slip[k, p, r]
-            found, some_push, some_slip, some_pull, converged, iterations = solve_step(
-                near, lift, part, begin, pairs, chosen_stencil, chosen_weights, stiffness, fields, rotations[step + 1],
-                translations[step + 1], before, carried, lead, law,
-                tolerance if last else max(tolerance, _ON_THE_WAY), max_iterations,
+            part, near, lift, begin = _restrict(nodes, rest, compliance, path, step, force, earlier, ratio, guess)
+            contacts = _contacts(pairs, local, skin, fields, path, step, old, slip, leads, law)
+            found, forces, converged, iterations = solve_step(
+                near, lift, part, begin, contacts, tolerance if last else max(tolerance, _ON_THE_WAY), max_iterations,
             )
             used += iterations
             if not converged:
-                guess += 1  # from the last forces as they are, then from none
+                guess += 1
                 continue
             answer = np.zeros(3 * n)
-            for i in range(a):
+            for i in range(len(nodes)):
                 for r in range(3):
                     answer[3 * nodes[i] + r] = found[3 * i + r]
             # Skin that nothing followed must not have come under the probe; on the way the next step will see it.
-            beside = False
-            if last:
-                reached = _positions(rest, shifts[step + 1], compliance, answer)
-                for k in range(n_probes):
-                    field, box = field_of(fields, k), (fields[5][k], fields[6][k])
-                    beside = beside or _touches(reached, stencil, weights, field, box, rotations[step + 1, k],
-                                                translations[step + 1, k], law[0], chosen[k])
-            if beside:
+            if last and _beside(_positions(rest, path.shifts[step + 1], compliance, answer), skin, fields, path, step,
+                                law[0], chosen):
                 slack *= 4.0
                 continue
             earlier[:] = force
@@ -135,9 +107,9 @@ def follow(  # type: ignore[no-untyped-def]
             push[:], pull[:] = 0.0, 0.0
             for c in range(len(pairs)):
                 k, p = pairs[c, 0], pairs[c, 1]
-                push[k, p] = some_push[c]
+                push[k, p] = forces.push[c]
                 for r in range(3):
-                    slip[k, p, r], pull[k, p, r] = some_slip[c, r], some_pull[c, r]
+                    slip[k, p, r], pull[k, p, r] = forces.slip[c, r], forces.pull[c, r]
             done = True
             break
         if not done:
@@ -145,6 +117,103 @@ def follow(  # type: ignore[no-untyped-def]
         had_earlier = True
         before_length = length
     return force, slip, push, pull, n_steps, used
+
+
+@numba.njit(cache=True, nogil=True)
+def _look_ahead(x, skin, fields, path, step, gap, old, new):  # type: ignore[no-untyped-def]
+    """Places of the points in the frames of the probes before a step (`old`), and by how much each would violate the
+    gap after it (`new`), at worst before or after the nodes shift; returns the longest way of a probe."""
+    shifts, length = path.shifts, 0.0
+    for k in range(len(new)):
+        field, box = field_of(fields, k), (fields[5][k], fields[6][k])
+        _approach(x, skin.stencil, skin.weights, field, box, path.rotations[step : step + 2, k],
+                  path.translations[step : step + 2, k], gap, old[k], new[k])
+        moved = path.translations[step + 1, k] - path.translations[step, k]
+        length = max(length, np.sqrt((moved * moved).sum()))
+    if (shifts[step + 1] != shifts[step]).any():
+        raised = x + shifts[step + 1] - shifts[step]
+        other_old, other = np.empty((new.shape[1], 3)), np.empty(new.shape[1])
+        for k in range(len(new)):
+            field, box = field_of(fields, k), (fields[5][k], fields[6][k])
+            _approach(raised, skin.stencil, skin.weights, field, box, path.rotations[step : step + 2, k],
+                      path.translations[step : step + 2, k], gap, other_old, other)
+            new[k] = np.maximum(new[k], other)
+    return length
+
+
+@numba.njit(cache=True, nogil=True)
+def _followed(violation, slip, slack):  # type: ignore[no-untyped-def]
+    """Points that a step follows: near to touching, or sticking before it; flags (k, p)."""
+    chosen = violation > -slack
+    for k in range(len(chosen)):
+        for p in range(chosen.shape[1]):
+            if slip[k, p, 0] != 0.0 or slip[k, p, 1] != 0.0 or slip[k, p, 2] != 0.0:
+                chosen[k, p] = True
+    return chosen
+
+
+@numba.njit(cache=True, nogil=True)
+def _nodes_of(pairs, stencil, local):  # type: ignore[no-untyped-def]
+    """Nodes that the points of `pairs` hang on, ascending; fills `local` (n,) with their number here, else −1."""
+    local[:] = -1
+    for c in range(len(pairs)):
+        for i in range(stencil.shape[1]):
+            local[stencil[pairs[c, 1], i]] = 0
+    nodes = np.flatnonzero(local >= 0)
+    for i in range(len(nodes)):
+        local[nodes[i]] = i
+    return nodes
+
+
+@numba.njit(cache=True, nogil=True)
+def _restrict(  # type: ignore[no-untyped-def]
+    nodes, rest, compliance, path, step, force, earlier, ratio, guess,
+):
+    """Compliance, free places, lift and first guess of some nodes: what `solve_step` takes."""
+    shifts, a = path.shifts, len(nodes)
+    part, near, lift, begin = np.empty((3 * a, 3 * a)), np.empty((a, 3)), np.zeros((a, 3)), np.empty(3 * a)
+    for i in range(a):
+        for r in range(3):
+            near[i, r] = rest[nodes[i], r] + shifts[step + 1, nodes[i], r]
+            if guess == 0:
+                lift[i, r] = shifts[step + 1, nodes[i], r] - shifts[step, nodes[i], r]
+            here = 3 * nodes[i] + r
+            begin[3 * i + r] = force[here] + ratio * (force[here] - earlier[here]) if guess < 2 else 0.0
+            row, source = part[3 * i + r], compliance[here]
+            for j in range(a):
+                for q in range(3):
+                    row[3 * j + q] = source[3 * nodes[j] + q]
+    return part, near, lift, begin
+
+
+@numba.njit(cache=True, nogil=True)
+def _contacts(pairs, local, skin, fields, path, step, old, slip, leads, law):  # type: ignore[no-untyped-def]
+    """The `Contacts` of `pairs` after a step, their stencil by the numbers in `local`."""
+    count, width = len(pairs), skin.stencil.shape[1]
+    stencil, weights = np.empty((count, width), np.int64), np.empty((count, width))
+    before, carried, lead = np.empty((count, 3)), np.empty((count, 3)), np.empty(count)
+    for c in range(count):
+        k, p = pairs[c, 0], pairs[c, 1]
+        lead[c] = leads[k, p]
+        for i in range(width):
+            stencil[c, i], weights[c, i] = local[skin.stencil[p, i]], skin.weights[p, i]
+        for r in range(3):
+            before[c, r], carried[c, r] = old[k, p, r], slip[k, p, r]
+    return Contacts(
+        pairs, stencil, weights, skin.stiffness, fields, path.rotations[step + 1], path.translations[step + 1], before,
+        carried, lead, law,
+    )
+
+
+@numba.njit(cache=True, nogil=True)
+def _beside(x, skin, fields, path, step, gap, chosen):  # type: ignore[no-untyped-def]
+    """Whether after a step a point that was not `chosen` violates the gap under a probe."""
+    for k in range(len(chosen)):
+        field, box = field_of(fields, k), (fields[5][k], fields[6][k])
+        if _touches(x, skin.stencil, skin.weights, field, box, path.rotations[step + 1, k],
+                    path.translations[step + 1, k], gap, chosen[k]):
+            return True
+    return False
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True)

@@ -7,7 +7,7 @@ import numpy as np
 
 from mixpinn.base.arrays import FloatArray, IntArray
 from mixpinn.geometry.rotations import rotation_from_vector, vector_from_rotation
-from mixpinn.press.path_kernel import follow
+from mixpinn.press.path_kernel import Path, Skin, follow
 from mixpinn.press.records import ContactHistory, ContactPrediction, PlacedFields
 
 if TYPE_CHECKING:
@@ -117,9 +117,10 @@ class ContactSession:
         contact, config = self.contact, self.contact.config
         skin = contact.skin
         force, slip, push, pull, done, used = follow(
-            contact.rest[self.patch], self.compliance, self.stencil, skin.weights[self.points],
-            config.stiffness * skin.area[self.points], self.placed.joined, path[0], path[1], shifts, self.force,
-            self.slip, self.lead, (config.gap, friction, config.smoothing), config.tolerance, config.max_iterations,
+            contact.rest[self.patch], self.compliance,
+            Skin(self.stencil, skin.weights[self.points], config.stiffness * skin.area[self.points]),
+            self.placed.joined, Path(path[0], path[1], shifts), self.force, self.slip, self.lead,
+            (config.gap, friction, config.smoothing), config.tolerance, config.max_iterations,
         )
         placed = replace(self.placed, rotations=path[0][done], translations=path[1][done])
         return replace(

@@ -11,15 +11,68 @@ the nodes, is sought among the nodes near the probe by Newton's method (`mixpinn
 shortened until (g − λ)ᵀ W (g − λ) falls. No library of linear algebra takes part: nothing waits for threads.
 """
 
+from typing import Any, NamedTuple
+
 import numba
 import numpy as np
 
+from mixpinn.base.arrays import BoolArray, FloatArray, IntArray
 from mixpinn.physics.condensed_contact import newton_step
 from mixpinn.physics.contact_law import penalty, return_slip, slip_derivative
 from mixpinn.physics.elimination import times
 from mixpinn.press.probe_field import distance_at
 
 # mypy cannot see through numba's decorators: the kernels are untyped, their callers are not.
+
+
+class Contacts(NamedTuple):
+    """Points of the skin under probes, c of them, at one placement of the probes.
+
+    Attributes:
+        pairs: probe and point of each, shape (c, 2).
+        stencil, weights: nodes that a point hangs on, and how, shapes (c, w).
+        stiffness: of all points of the skin [N/mm].
+        fields: distances from the probes, see `field_of`.
+        rotations, translations: of the probes.
+        before, carried: p₀ and s₀ of each contact, shapes (c, 3).
+        lead: v₀ of each contact, shape (c,).
+        law: gap, μ, δ.
+    """
+
+    pairs: IntArray
+    stencil: IntArray
+    weights: FloatArray
+    stiffness: FloatArray
+    fields: Any
+    rotations: FloatArray
+    translations: FloatArray
+    before: FloatArray
+    carried: FloatArray
+    lead: FloatArray
+    law: tuple[float, float, float]
+
+
+class Forces(NamedTuple):
+    """What contacts exert on n nodes.
+
+    Attributes:
+        gradient: by the nodes, shape (n, 3).
+        hessian: stiffness by nodes, shape (n, n, 3, 3), filled where they are `touched` (n,).
+        touched: see above.
+        push: normal force of each contact, shape (c,).
+        slip: elastic slip of each in the probe's frame, shape (c, 3).
+        pull: force on each point in the world, shape (c, 3).
+        seen: where each point was and how far from the gap, shape (c, 4): while it has not moved as far as that, there
+            is nothing to ask.
+    """
+
+    gradient: FloatArray
+    hessian: FloatArray
+    touched: BoolArray
+    push: FloatArray
+    slip: FloatArray
+    pull: FloatArray
+    seen: FloatArray
 
 
 @numba.njit(cache=True, nogil=True)
@@ -68,16 +121,11 @@ def _point_force(  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True)
-def _all_forces(  # type: ignore[no-untyped-def]
-    x, pairs, stencil, weights, stiffness, fields, rotations, translations, before, carried, lead, law, gradient,
-    hessian, touched, push, slip, world_force, seen,
-):
-    """Gradient and stiffness of the contacts `pairs` (probe, point) at node positions x; fills the last arrays.
-
-    `before`, `carried`, `push`, `slip` and `world_force` go by pair. The stiffness is by nodes, (n, n, 3, 3), and
-    filled where they are touched. `seen` (c, 4) remembers where a point was and how far from the gap: while it has not
-    moved as far as that, there is nothing to ask.
-    """
+def _all_forces(x, contacts, forces):  # type: ignore[no-untyped-def]
+    """Fill `forces`, a `Forces`, with those of `contacts` at node positions x."""
+    pairs, stencil, weights, law = contacts.pairs, contacts.stencil, contacts.weights, contacts.law
+    gradient, hessian, touched, seen = forces.gradient, forces.hessian, forces.touched, forces.seen
+    push, slip, world_force = forces.push, forces.slip, forces.pull
     gradient[:] = 0.0
     touched[:] = False
     place, normal, force, slope = np.empty(3), np.empty(3), np.empty(3), np.empty((3, 3))
@@ -86,7 +134,7 @@ def _all_forces(  # type: ignore[no-untyped-def]
     width = stencil.shape[1]
     for c in range(len(pairs)):
         k, p = pairs[c, 0], pairs[c, 1]
-        rotation, translation = rotations[k], translations[k]
+        rotation, translation = contacts.rotations[k], contacts.translations[k]
         x0, x1, x2 = -translation[0], -translation[1], -translation[2]
         for i in range(width):
             w, node = weights[c, i], stencil[c, i]
@@ -104,8 +152,8 @@ def _all_forces(  # type: ignore[no-untyped-def]
             world_force[c, 0], world_force[c, 1], world_force[c, 2] = 0.0, 0.0, 0.0
             continue
         push[c] = _point_force(
-            place, before[c], carried[c], lead[c], stiffness[p], law, field_of(fields, k), work, normal, force, slip[c],
-            slope, across,
+            place, contacts.before[c], contacts.carried[c], contacts.lead[c], contacts.stiffness[p], law,
+            field_of(contacts.fields, k), work, normal, force, slip[c], slope, across,
         )
         seen[c, 3] = 0.0
         if push[c] <= 0.0:
@@ -164,10 +212,7 @@ def _stiffness_of_touched(hessian, touched):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True)
-def solve_step(  # type: ignore[no-untyped-def]
-    free, lift, compliance, start, pairs, stencil, weights, stiffness, fields, rotations, translations, before, carried,
-    lead, law, tolerance, max_iterations,
-):
+def solve_step(free, lift, compliance, start, contacts, tolerance, max_iterations):  # type: ignore[no-untyped-def]
     """Forces λ on the nodes near the probe in equilibrium with contact at one placement of the probes.
 
     Args:
@@ -175,16 +220,13 @@ def solve_step(  # type: ignore[no-untyped-def]
         lift: by how much that differs from where `start` holds them in equilibrium [mm], shape (n, 3).
         compliance: of these nodes, shape (3 n, 3 n).
         start: first guess of λ, shape (3 n,).
-        pairs: contacts (probe, point), shape (c, 2); stencil and weights of each, by the nodes here, shape (c, w).
-        stiffness: of all points [N/mm].
-        before, carried: p₀ and s₀ of each contact, shape (c, 3).
-        lead: v₀ of each contact, shape (c,).
+        contacts: a `Contacts`; its stencil counts the nodes here.
+        tolerance: of the forces, relative.
+        max_iterations: of Newton's method.
 
     Returns:
-        λ, normal force (c,), elastic slip (c, 3) and force in the world (c, 3) of each contact, whether it converged,
-        iterations.
+        λ, the `Forces` there, whether it converged, iterations.
     """
-    contacts = (pairs, stencil, weights, stiffness, fields, rotations, translations, before, carried, lead, law)
     m = len(start)
     n = m // 3
     lam = start.copy()
@@ -192,9 +234,11 @@ def solve_step(  # type: ignore[no-untyped-def]
     times(compliance, lam, moved)
     for i in range(m):
         y[i] = -moved[i]
+    count = len(contacts.pairs)
     gradient, hessian, touched = np.zeros((n, 3)), np.empty((n, n, 3, 3)), np.zeros(n, np.bool_)
-    push, slip, pull = np.zeros(len(pairs)), np.zeros((len(pairs), 3)), np.zeros((len(pairs), 3))
-    seen = np.zeros((len(pairs), 4))
+    forces = Forces(
+        gradient, hessian, touched, np.zeros(count), np.zeros((count, 3)), np.zeros((count, 3)), np.zeros((count, 4)),
+    )
     rest = free.copy().reshape(m)
     converged = False
     iteration = 0
@@ -202,7 +246,7 @@ def solve_step(  # type: ignore[no-untyped-def]
     raised = lift.copy().reshape(m)
     if np.abs(raised).max() > 0.0:
         # Without the probe the skin would rise; held by it, it stays: Δλ = (1 + H W)⁻¹ H lift.
-        _all_forces((rest - raised + y).reshape(n, 3), *contacts, gradient, hessian, touched, push, slip, pull, seen)
+        _all_forces((rest - raised + y).reshape(n, 3), contacts, forces)
         inner, unknowns = _stiffness_of_touched(hessian, touched)
         error[:] = 0.0
         for i in range(len(unknowns)):
@@ -214,7 +258,7 @@ def solve_step(  # type: ignore[no-untyped-def]
             times(compliance, lam, moved)
             for i in range(m):
                 y[i] = -moved[i]
-    _all_forces((rest + y).reshape(n, 3), *contacts, gradient, hessian, touched, push, slip, pull, seen)
+    _all_forces((rest + y).reshape(n, 3), contacts, forces)
     for iteration in range(max_iterations):  # noqa: B007 (read after the loop)
         total, off = 0.0, 0.0
         for i in range(n):
@@ -233,9 +277,7 @@ def solve_step(  # type: ignore[no-untyped-def]
             break
         length, best, least = 1.0, 0.0, np.inf
         for _ in range(7):
-            _all_forces(
-                (rest + y - length * move).reshape(n, 3), *contacts, gradient, hessian, touched, push, slip, pull, seen,
-            )
+            _all_forces((rest + y - length * move).reshape(n, 3), contacts, forces)
             for i in range(m):
                 error[i] = gradient[i // 3, i % 3] - lam[i] - length * change[i]
             times(compliance, error, response)
@@ -247,13 +289,11 @@ def solve_step(  # type: ignore[no-untyped-def]
             length *= 0.5
         if best != length:
             length = best
-            _all_forces(
-                (rest + y - length * move).reshape(n, 3), *contacts, gradient, hessian, touched, push, slip, pull, seen,
-            )
+            _all_forces((rest + y - length * move).reshape(n, 3), contacts, forces)
         for i in range(m):
             y[i] -= length * move[i]
             lam[i] += length * change[i]
     if converged:
         for i in range(m):
             lam[i] = gradient[i // 3, i % 3]
-    return lam, push, slip, pull, converged, iteration
+    return lam, forces, converged, iteration
