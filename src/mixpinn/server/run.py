@@ -116,7 +116,9 @@ def serve(
     Raises:
         InputError: a bundle that cannot press, or an address that is not free.
     """
-    server = LiveServer(load_predictor(bundle), door, threads=threads)
+    # Bundles are often called the same: the folder above tells whose it is.
+    name = "/".join(Path(bundle).resolve().parts[-2:])
+    server = LiveServer(load_predictor(bundle, name=name), door, threads=threads)
     server.run(None if ready is None else lambda: ready(server))
 
 

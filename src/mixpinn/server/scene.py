@@ -91,9 +91,15 @@ def part_colour(k: int, count: int) -> str:
 
 
 def _part_surface(mesh: TissueMesh, part: int) -> bytes:
-    """A rigid part's surface, outward: that of its cells where it is meshed, else its cavity turned inside out."""
-    solid = (mesh.part[mesh.cells] == part).all(axis=1)
-    faces = replace(mesh, cells=mesh.cells[solid]).boundary_faces if solid.any() else mesh.boundary_faces[:, ::-1]
+    """A rigid part's surface, outward: its cavity turned inside out, or that of its cells where it is meshed.
+
+    Around a cavity single cells may have all their nodes on it: a part is meshed where most of its nodes lie inside.
+    """
+    faces = mesh.boundary_faces[:, ::-1]
     own: AnyArray = faces[(mesh.part[faces] == part).all(axis=1)]
+    solid = (mesh.part[mesh.cells] == part).all(axis=1)
+    if solid.any() and 2 * len(np.unique(own)) < len(mesh.part_nodes(part)):
+        faces = replace(mesh, cells=mesh.cells[solid]).boundary_faces
+        own = faces[(mesh.part[faces] == part).all(axis=1)]
     nodes = np.unique(own)
     return encode_surface(mesh.points[nodes], np.searchsorted(nodes, own), nodes)

@@ -49,12 +49,12 @@ export class Results {
       distance.textContent = answer.parts[k].distance.toFixed(2);
       angle.textContent = answer.parts[k].angle.toFixed(2);
     });
-    this.#trust(answer.trust);
+    this.#trust(answer.trust, own);
     // For whoever drives the page by a script: which answer these numbers are.
     at("force").dataset.sequence = answer.sequence;
   }
 
-  #trust(trust) {
+  #trust(trust, own) {
     const known = (value, digits, unit) => (value === null ? "not known" : `${value.toFixed(digits)} ${unit}`);
     at("expected").textContent = known(trust.expected, 3, "mm");
     at("bound").textContent = known(trust.bound, 3, "mm");
@@ -70,7 +70,8 @@ export class Results {
       at("verdict").textContent = `Outside of what the model has learned: ${why}. The bounds may not hold.`;
     } else {
       at("trust-box").dataset.trust = "sound";
-      at("verdict").textContent = why ? capital(`${why}.`) : "Within what the model has learned.";
+      const touches = own && length(own.force) > 0;
+      at("verdict").textContent = [touches ? "Within what the model has learned." : "", why && capital(`${why}.`)].join(" ").trim();
     }
   }
 }
