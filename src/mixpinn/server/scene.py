@@ -86,7 +86,7 @@ def bundle_warnings(predictor: HybridPredictor) -> tuple[str, ...]:
 
 def part_colour(k: int, count: int) -> str:
     """A colour of part k of `count`, ``#rrggbb``: hues as far apart as can be."""
-    red, green, blue = colorsys.hsv_to_rgb((0.58 + k / max(count, 1)) % 1.0, 0.55, 0.85)
+    red, green, blue = colorsys.hsv_to_rgb((0.58 + k / max(count, 1)) % 1.0, 0.42, 0.86)
     return f"#{round(255 * red):02x}{round(255 * green):02x}{round(255 * blue):02x}"
 
 

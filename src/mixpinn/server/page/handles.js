@@ -116,10 +116,10 @@ export class Handles {
     return `<path d="M${places.map(({ x, y }) => `${x.toFixed(1)} ${y.toFixed(1)}`).join("L")}"/>`;
   }
 
-  /** Which probe this is, beside its upper end. */
+  /** Which probe this is, beside it. */
   #number(probe) {
-    const { x, y } = this.stage.toStage(this.#at(probe, [0, 0.9 * this.height, 0]));
-    return `<text x="${x.toFixed(1)}" y="${(y - 16).toFixed(1)}">${probe.index + 1}</text>`;
+    const { x, y } = this.stage.toStage(this.#at(probe, [-this.radius, 0.4 * this.height, 0]));
+    return `<text x="${x.toFixed(1)}" y="${(y + 5).toFixed(1)}">${probe.index + 1}</text>`;
   }
 
   /** The force on a probe as an arrow from its tip, 2 mm a newton. */
