@@ -11,6 +11,8 @@ Names are looked up when they are first used, so that this import alone costs ne
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from mixpinn.base.compile_cache import settle_compile_cache
+
 if TYPE_CHECKING:
     import mixpinn.dataset.protocol as protocols  # noqa: F401
     from mixpinn.base.errors import InputError as InputError
@@ -46,6 +48,7 @@ if TYPE_CHECKING:
     from mixpinn.training.config import TrainConfig as TrainConfig
 
 __version__ = "0.1.0"
+settle_compile_cache()  # before any kernel is imported
 
 _HOMES = {
     "mixpinn.base.errors": ("InputError", "MixpinnError"),

@@ -4,6 +4,7 @@ import os
 from pathlib import Path
 
 from mixpinn.base.compile_cache import user_cache
+from mixpinn.base.errors import InputError
 from mixpinn.base.files import make_folder
 
 
@@ -20,3 +21,17 @@ def cache_folder(*parts: str) -> Path:
     folder = (Path(given) if given else user_cache() / "mixpinn").joinpath(*parts)
     make_folder(folder)
     return folder
+
+
+def optional_cache(*parts: str) -> Path | None:
+    """The same folder; None where nobody said where the cache is and no place for it can be written.
+
+    Raises:
+        InputError: ``MIXPINN_CACHE`` names a folder that cannot be written.
+    """
+    try:
+        return cache_folder(*parts)
+    except InputError:
+        if os.environ.get("MIXPINN_CACHE"):
+            raise
+        return None

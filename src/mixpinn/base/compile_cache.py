@@ -8,15 +8,28 @@ from pathlib import Path
 def settle_compile_cache() -> None:
     """Give numba a folder that it can write, before it is imported; a cluster's or a container's install may have none.
 
-    Where ``NUMBA_CACHE_DIR`` is set, or numba finds a place of its own, nothing is changed.
+    Where ``NUMBA_CACHE_DIR`` can be written, or numba finds a place of its own, nothing is changed. Where there is none
+    at all, kernels are compiled in every process and not kept.
     """
-    if os.environ.get("NUMBA_CACHE_DIR"):
-        return
-    package = Path(__file__).resolve().parents[1]
+    given = os.environ.get("NUMBA_CACHE_DIR")
     home = _home_cache()
-    if os.access(package, os.W_OK) or (home is not None and _writable(home)):
+    if given:
+        candidates = [Path(given)]
+    else:
+        candidates = [_PACKAGE, *([] if home is None else [home])]
+    if any(map(_writable, candidates)):
         return
-    os.environ["NUMBA_CACHE_DIR"] = str(_temporary("kernels"))
+    folder = _temporary("kernels")
+    if _writable(folder):
+        os.environ["NUMBA_CACHE_DIR"] = str(folder)
+        return
+    # Numba refuses to compile what it is asked to keep and cannot.
+    from numba.core.dispatcher import Dispatcher
+
+    setattr(Dispatcher, "enable_caching", lambda self: None)  # noqa: B010
+
+
+_PACKAGE = Path(__file__).resolve().parents[1]
 
 
 def user_cache() -> Path:
@@ -37,7 +50,11 @@ def _home_cache() -> Path | None:
 def _temporary(kind: str) -> Path:
     """The user's own folder in the temporary one."""
     user = os.getuid() if hasattr(os, "getuid") else 0
-    return Path(tempfile.gettempdir()) / f"mixpinn-{kind}-{user}"
+    try:
+        folder = tempfile.gettempdir()
+    except FileNotFoundError:  # none can be written
+        folder = "/tmp"
+    return Path(folder) / f"mixpinn-{kind}-{user}"
 
 
 def _writable(folder: Path) -> bool:

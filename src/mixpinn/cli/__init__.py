@@ -38,9 +38,6 @@ def main() -> None:
 
 
 def _run() -> None:
-    from mixpinn.base.compile_cache import settle_compile_cache
-
-    settle_compile_cache()
     from mixpinn.base.errors import MixpinnError, SolveError
     from mixpinn.base.files import NO_ROOM
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from mixpinn.base.arrays import AnyArray
-from mixpinn.base.cache import cache_folder
+from mixpinn.base.cache import optional_cache
 from mixpinn.base.errors import InputError
 from mixpinn.base.files import hash_arrays
 from mixpinn.base.lock import locked
@@ -36,9 +36,13 @@ def cached_prior(
         return ElasticPrior.build(mesh, materials, nodes=nodes, restraints=restraints)
     body = (mesh.hash(), plain(list(materials)), *([restraints.record()] if restraints != FREE else []))
     key = hash_arrays(nodes, np.frombuffer(repr(body).encode(), dtype=np.uint8))
-    folder = cache_folder("prior", key)
+    folder = optional_cache("prior", key)
+    if folder is None:
+        return ElasticPrior.build(mesh, materials, nodes=nodes, restraints=restraints)
+    with contextlib.suppress(InputError):  # what is absent or damaged in the cache is made anew
+        return ElasticPrior.load(folder, mesh)
     with locked(folder, wait=True):  # two processes that need the same prior compute it once
-        with contextlib.suppress(InputError):  # what is absent or damaged in the cache is made anew
+        with contextlib.suppress(InputError):
             return ElasticPrior.load(folder, mesh)
         prior = ElasticPrior.build(mesh, materials, nodes=nodes, restraints=restraints)
         prior.save(folder)
