@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from mixpinn.base.errors import InputError
+from mixpinn.base.lock import locked
 from mixpinn.base.rundir import finish_run, is_finished, run_scope, start_run
 from mixpinn.dataset import SOFA_REPLAY, Pose, SimulationStore, probe_path, read_positions, summarise
 from mixpinn.fem import StableNeoHookean
@@ -41,14 +42,17 @@ def export_sofa(mesh: TissueMesh, config: SimulationConfig, *, out: Path | str) 
         )
     constants = [(material.mu, material.lam) for material in scene.materials]  # type: ignore[attr-defined]
     _, poses = plan(mesh, config, scene.probe)
-    return export_sofa_scene(
-        out, mesh, scene.probe,
-        {(p.position_index, p.rotation_deg): probe_path(p.position, p.rotation_deg, config.protocol) for p in poses},
-        settings=SofaSettings(
-            mu=tuple(mu for mu, _ in constants), lam=tuple(lam for _, lam in constants), gap=config.contact.gap,
-            alarm=config.contact.alarm, friction=config.contact.friction,
-        ),
-    )
+    with locked(out):
+        return export_sofa_scene(
+            out, mesh, scene.probe, {
+                (p.position_index, p.rotation_deg): probe_path(p.position, p.rotation_deg, config.protocol)
+                for p in poses
+            },
+            settings=SofaSettings(
+                mu=tuple(mu for mu, _ in constants), lam=tuple(lam for _, lam in constants), gap=config.contact.gap,
+                alarm=config.contact.alarm, friction=config.contact.friction,
+            ),
+        )
 
 
 @run_scope()
