@@ -29,6 +29,8 @@ def read_label_image(path: Path | str) -> LabelImage:
     path = Path(path)
     if not path.is_file():
         raise InputError(str(path), expected="a label image", got="no such file", fix="check the path")
+    if not path.stat().st_size:
+        raise InputError(str(path), expected="a label image", got="an empty file", fix="copy or write it again")
     suffix = path.suffix.lower()
     if suffix in _OTHERS:
         raise InputError(
