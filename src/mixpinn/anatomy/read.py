@@ -16,7 +16,7 @@ from mixpinn.anatomy.images.image_file import label_files, read_label_image, str
 from mixpinn.anatomy.images.label_image import LabelImage
 from mixpinn.anatomy.images.lattice import on_lattice
 from mixpinn.anatomy.name_table import read_names
-from mixpinn.anatomy.names import TOTAL_CLASSES, unknown_structure
+from mixpinn.anatomy.names import TOTAL_CLASSES, is_lumbar, unknown_structure
 from mixpinn.anatomy.segmentation import Index3, Segmentation, Structure
 from mixpinn.anatomy.select import check_roles, find_body, select_files, with_layers
 from mixpinn.base.arrays import AnyArray, BoolArray, FloatArray, IntArray
@@ -44,7 +44,8 @@ def read_folder(
         layers: take every fat, muscle and disc there is as a soft tissue.
 
     Raises:
-        InputError: a structure is missing, empty, damaged, not a binary label map, or on another grid.
+        InputError: a structure is missing, damaged, not a binary label map, or on another grid; one that was named, or
+            a lumbar vertebra, is empty.
     """
     selection = select_files(
         folder, body=body, rigid=rigid, soft=soft, target=target, lumbar_only=lumbar_only, layers=layers,
@@ -53,8 +54,11 @@ def read_folder(
     reference: tuple[Path, LabelImage] | None = None
     notes: list[Finding] = []
     shapes: list[tuple[Index3, Index3]] = []
+    asked = {structure_name(selection.body), *(rigid or ()), *soft, *(target or ())}
     for name, path in track(selection.files().items(), "Reading label maps"):
         image = read_label_image(path)
+        if name not in asked and not is_lumbar(name) and not image.data.any():
+            continue  # what is not in the image has an empty mask in TotalSegmentator's folders
         if reference is None:
             reference = path, image
         mask = replace(image, data=_binary(path, image, body=path == selection.body))
@@ -66,8 +70,8 @@ def read_folder(
     notes += check_sides(_centres(structures, reference[1].affine) | _landmarks(Path(folder)))
     read = Segmentation(
         body=structures[structure_name(selection.body)],
-        soft=tuple(structures[name] for name in selection.soft),
-        rigid=tuple(structures[name] for name in selection.rigid),
+        soft=tuple(structures[name] for name in selection.soft if name in structures),
+        rigid=tuple(structures[name] for name in selection.rigid if name in structures),
         affine=reference[1].affine, shape=_shape(reference[1]), notes=tuple(notes), targets=selection.targets,
     )
     return one_sacrum(_on_common_grid(read, shapes))
