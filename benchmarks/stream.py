@@ -4,8 +4,9 @@
 30 poses a second for five minutes, and prints as its last line a JSON object: ``delay_ms_*`` from the moment at which a
 pose is sent to that at which the transform of the last rigid part of this pose or of a newer one was received;
 ``poses``, of which ``passed_over`` were replaced by a newer one before their turn; ``transforms_per_s`` received;
-``refused``, poses that were answered by a status instead; ``cores`` and ``load`` of the machine at the end. Skins are
-sent ten times a second meanwhile, as by default.
+``processor_ms_per_answer``, what the stream's process computes for an answer, skins included, however busy the machine
+is; ``refused``, poses that were answered by a status instead; ``cores`` and ``load`` of the machine at the end. Skins
+are sent ten times a second meanwhile, as by default.
 """
 
 import argparse
@@ -42,12 +43,11 @@ def drag(bundle: Path) -> tuple[list[bytes], tuple[str, ...]]:
 
     The tip moves along a closed curve over the skin of the rigid parts, 3 to 12 mm deep.
     """
-    from mixpinn.serving import load_predictor
+    from mixpinn.serving import HybridPredictor
     from mixpinn.serving.live import SkinPlacement
-    from mixpinn.serving.live.session import pressing_model
 
-    predictor = load_predictor(bundle, warm_up=False)
-    placement, mesh = SkinPlacement(pressing_model(predictor)), predictor.mesh
+    predictor = HybridPredictor.load(bundle, warm_up=False)
+    placement, mesh = SkinPlacement(predictor.pressing), predictor.mesh
     frame, bones = RasFrame.of_mesh(mesh), mesh.points[mesh.part > 0]
     centre = 0.5 * (bones.min(axis=0) + bones.max(axis=0))
     reach = 0.4 * (bones.max(axis=0) - bones.min(axis=0))
@@ -77,13 +77,24 @@ async def play(options: argparse.Namespace, contents: Sequence[bytes], parts: in
             assert line, "the stream ended before it listened"
             found = re.search(r"listening at .*:(\d+)", line)
             port = int(found[1]) if found else None
-        return await _talk(port, options, contents, parts)
+        return await _talk(port, process.pid, options, contents, parts)
     finally:
         process.terminate()
         await process.wait()
 
 
-async def _talk(port: int, options: argparse.Namespace, contents: Sequence[bytes], parts: int) -> dict[str, Any]:
+def processor_seconds(pid: int) -> float:
+    """Processor time that a process has taken so far [s]; not a number where the system does not say."""
+    try:
+        fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    except OSError:
+        return float("nan")
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+async def _talk(
+    port: int, pid: int, options: argparse.Namespace, contents: Sequence[bytes], parts: int,
+) -> dict[str, Any]:
     reader, writer = await asyncio.open_connection("127.0.0.1", port)
     sent: list[float] = []
     arrived: dict[int, list[float]] = {}
@@ -101,16 +112,19 @@ async def _talk(port: int, options: argparse.Namespace, contents: Sequence[bytes
                 refused += 1
 
     listening = asyncio.create_task(listen())
-    count = int(options.seconds * options.rate) + _WARM_UP
+    count, taken, answered = int(options.seconds * options.rate) + _WARM_UP, 0.0, 0
     began = time.perf_counter()
     for number in range(count):
         content = contents[number % len(contents)]
+        if number == _WARM_UP:
+            taken, answered = processor_seconds(pid), len(arrived)
         sent.append(time.perf_counter())
         writer.write(Message("TRANSFORM", "Probe", content, number + 1).pack())
         await asyncio.sleep(max(0.0, began + (number + 1) / options.rate - time.perf_counter()))
     await asyncio.sleep(1.0)
     listening.cancel()
     writer.close()
+    taken = (processor_seconds(pid) - taken) / max(len(arrived) - answered, 1)
     complete = {number: times[parts - 1] for number, times in arrived.items() if len(times) >= parts}
     delays, newest = [], np.inf
     for number in range(count, _WARM_UP, -1):
@@ -120,6 +134,7 @@ async def _talk(port: int, options: argparse.Namespace, contents: Sequence[bytes
     return {
         **{f"delay_ms_{name}": round(float(value), 2) for name, value in at.items()}, "poses": len(delays),
         "passed_over": sum(number not in complete for number in range(_WARM_UP + 1, count + 1)),
+        "processor_ms_per_answer": round(1e3 * taken, 2),
         "transforms_per_s": round(sum(map(len, arrived.values())) / (sent[-1] - sent[0]), 1), "refused": refused,
         "rigid_parts": parts, "seconds": options.seconds, "cores": os.cpu_count(), "load": round(os.getloadavg()[0], 2),
     }

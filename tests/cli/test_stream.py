@@ -10,6 +10,7 @@ import sys
 import numpy as np
 import pytest
 
+from benchmarks.stream import drag
 from mixpinn.base.errors import InputError
 from mixpinn.press.files import save_pose_model
 from mixpinn.records import MESH_FILE
@@ -51,7 +52,7 @@ def test_it_listens_answers_and_ends(bundle):
     try:
         said = ""
         while not (found := re.search(r"listening at 127.0.0.1:(\d+)", said)):
-            assert select.select([stream.stdout], [], [], 120.0)[0], said
+            assert select.select([stream.stdout], [], [], 500.0)[0], said  # compiling takes its time
             line = stream.stdout.readline()
             assert line, said + stream.stderr.read()
             said += line
@@ -75,6 +76,15 @@ def test_it_listens_answers_and_ends(bundle):
     assert stream.returncode == 128 + signal.SIGTERM
     assert "Traceback" not in rest + errors
     assert "stopped" in errors
+
+
+def test_the_benchmark_drags_a_probe_over_the_back(bundle):
+    contents, names = drag(bundle)
+    frame = RasFrame.of_mesh(block_predictor().mesh)
+    tips = np.array([frame.probe_to_world(TransformBody.unpack(content).matrix)[1] for content in contents])
+    assert names == ("L1", "L2")
+    assert len(tips) > 300
+    assert (np.linalg.norm(np.diff(tips, axis=0), axis=1) < 3.0).all()
 
 
 @pytest.mark.parametrize(("settings", "named"), [
