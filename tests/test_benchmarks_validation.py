@@ -8,12 +8,12 @@ from mixpinn.fem import ElasticSystem, LinearElastic
 from validation import __main__ as command
 from validation.blocks import block, surface_nodes
 from validation.closed_form import uniaxial_closed_form
-from validation.hertz import exact_force, exact_radius, graded
+from validation.contact.hertz import exact_force, exact_radius, graded
+from validation.contact.probe_side import nearest_places
 from validation.linear_elasticity import newton_orders
 from validation.material import MATERIALS, difference_error
 from validation.newton import equilibrium
 from validation.page import section_text, split_page, stored_results, write_page
-from validation.probe_side import nearest_places
 from validation.protocol import inverted_rows, inverted_text
 from validation.result import Result, Section
 

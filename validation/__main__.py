@@ -14,25 +14,13 @@ from collections.abc import Callable
 from pathlib import Path
 
 from mixpinn.base.cache import cache_folder
-from validation import (
-    balance,
-    closed_form,
-    friction,
-    hertz,
-    joints,
-    layers,
-    linear_elasticity,
-    material,
-    pressure,
-    protocol,
-    quadratic,
-    scaling,
-    sofa_contact,
-    sofa_imposed,
-    sofa_transient,
-)
+from validation import closed_form, joints, layers, linear_elasticity, material, protocol, quadratic, scaling
+from validation.contact import balance, friction, hertz, pressure
 from validation.page import figure, stored_results, write_page
 from validation.result import Result, Section
+from validation.sofa import contact as sofa_contact
+from validation.sofa import imposed as sofa_imposed
+from validation.sofa import transient as sofa_transient
 
 ROOT = Path(__file__).parents[1]
 TITLES = {

@@ -7,9 +7,9 @@ import numpy as np
 from mixpinn.base.arrays import BoolArray, FloatArray
 from mixpinn.fem import ContactConfig, ElasticSystem, LinearElastic, Material, PoseSimulator, Scene, default_solver
 from mixpinn.records import ProbePath, TissueMesh
-from validation import hertz
 from validation.blocks import block, labelled
 from validation.closed_form import LAWS
+from validation.contact import hertz
 from validation.linear_elasticity import manufactured_error, order_of_convergence
 from validation.newton import equilibrium
 from validation.result import Result, Section, picture

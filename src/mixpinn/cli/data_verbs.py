@@ -6,31 +6,7 @@ from typing import Annotated
 import typer
 
 from mixpinn.base.config import build_config
-from mixpinn.cli.options import (
-    Caps,
-    Config,
-    CtFile,
-    Front,
-    Hold,
-    Joints,
-    Layers,
-    MeshSource,
-    Out,
-    PaperConstants,
-    PaperParts,
-    Positions,
-    ProbeFile,
-    Protocol,
-    Rigid,
-    Set,
-    SplitFile,
-    Target,
-    load_mesh,
-    restraint_options,
-    role_options,
-    settings_layers,
-    simulation_settings,
-)
+from mixpinn.cli import options
 from mixpinn.cli.output import say, warn
 from mixpinn.records.joint_frame import JOINTS_FILE
 
@@ -47,28 +23,28 @@ app.add_typer(import_app, name="import")
 @app.command()
 def anatomy(
     source: Annotated[str, typer.Argument(help="Folder of label images, one multi-label image, or 'phantom'.")],
-    out: Out,
+    out: options.Out,
     names: Annotated[Path | None, typer.Option(help="Name table of a multi-label image, total or total-v1.")] = None,
     body: Annotated[str | None, typer.Option(help="Name or file of the body.")] = None,
-    rigid: Rigid = None,
-    target: Target = None,
-    paper_parts: PaperParts = False,
-    layers: Layers = False,
-    ct: CtFile = None,
+    rigid: options.Rigid = None,
+    target: options.Target = None,
+    paper_parts: options.PaperParts = False,
+    layers: options.Layers = False,
+    ct: options.CtFile = None,
     soft: Annotated[list[str] | None, typer.Option(help="A further soft tissue; repeatable.")] = None,
     repair: Annotated[bool, typer.Option(help="Repair what the label check finds.")] = False,
     seed: Annotated[int | None, typer.Option(help="Vary the phantom.")] = None,
-    config: Config = None,
-    overrides: Set = None,
+    config: options.Config = None,
+    overrides: options.Set = None,
 ) -> None:
     """Label maps → one checked label map in the world frame."""
     from mixpinn.stages.anatomy import AnatomyConfig, make_anatomy, source_settings
     from mixpinn.stages.setup_tables import findings_table
 
-    settings = build_config(AnatomyConfig, *settings_layers(
+    settings = build_config(AnatomyConfig, *options.settings_layers(
         config, overrides, **source_settings(source), names=names and str(names), body=body,
         soft=soft and tuple(soft), repair=repair or None, seed=seed,
-        **role_options(rigid, target, paper_parts, layers, ct),
+        **options.role_options(rigid, target, paper_parts, layers, ct),
     ))
     result = make_anatomy(settings, out=out)
     label_map = result.label_map
@@ -80,18 +56,18 @@ def anatomy(
 @app.command()
 def mesh(
     source: Annotated[Path, typer.Argument(help="Folder that 'mixpinn anatomy' wrote, or a ready .vtu.")],
-    out: Out,
+    out: options.Out,
     size: Annotated[float | None, typer.Option(help="1 is the paper's resolution, larger is coarser.")] = None,
     mesher: Annotated[str | None, typer.Option(help="cgal, tetwild or auto.")] = None,
     fixed: Annotated[Path | None, typer.Option(help="File of fixed node indices for a ready .vtu.")] = None,
-    config: Config = None,
-    overrides: Set = None,
+    config: options.Config = None,
+    overrides: options.Set = None,
 ) -> None:
     """Label map → labelled tetrahedral mesh with its statistics, quality and fidelity."""
     from mixpinn.stages.mesh import MeshConfig, make_mesh, open_source
     from mixpinn.stages.setup_tables import fidelity_table, quality_table
 
-    settings = build_config(MeshConfig, *settings_layers(
+    settings = build_config(MeshConfig, *options.settings_layers(
         config, overrides, size=size, mesher=mesher, fixed=fixed and str(fixed),
     ))
     result = make_mesh(open_source(source), settings, out=out)
@@ -103,29 +79,29 @@ def mesh(
 
 @app.command()
 def simulate(
-    source: MeshSource,
-    out: Out,
-    protocol: Protocol = None,
-    probe: ProbeFile = None,
-    positions: Positions = None,
-    paper_constants: PaperConstants = False,
-    joints: Joints = None,
-    support: Front = None,
-    hold: Hold = None,
-    caps: Caps = None,
+    source: options.MeshSource,
+    out: options.Out,
+    protocol: options.Protocol = None,
+    probe: options.ProbeFile = None,
+    positions: options.Positions = None,
+    paper_constants: options.PaperConstants = False,
+    joints: options.Joints = None,
+    support: options.Front = None,
+    hold: options.Hold = None,
+    caps: options.Caps = None,
     workers: Annotated[int | None, typer.Option(help="Processes; every core by default.")] = None,
     scheduler: Annotated[str | None, typer.Option(help="Address of a Dask scheduler to use instead.")] = None,
-    config: Config = None,
-    overrides: Set = None,
+    config: options.Config = None,
+    overrides: options.Set = None,
 ) -> None:
     """Press the probe over the grid of poses; finished poses are kept if the command is stopped."""
     from mixpinn.stages.simulation import for_patients, make_simulations
 
-    settings = simulation_settings(
+    settings = options.simulation_settings(
         config, overrides, protocol=protocol, probe=probe, positions=positions, paper_constants=paper_constants,
-        workers=workers, restraints=restraint_options(joints, support, hold, caps),
+        workers=workers, restraints=options.restraint_options(joints, support, hold, caps),
     )
-    meshed = load_mesh(source)
+    meshed = options.load_mesh(source)
     if (source / JOINTS_FILE).is_file() and not paper_constants and protocol not in ("paper", "sofa-replay"):
         settings = for_patients(settings, meshed.tissue_names)
     _, summary = make_simulations(meshed, settings, out=out, scheduler=scheduler)
@@ -137,7 +113,7 @@ def simulate(
 @app.command()
 def dataset(
     source: Annotated[Path, typer.Argument(help="Folder that 'mixpinn simulate' wrote.")],
-    split_file: SplitFile = None,
+    split_file: options.SplitFile = None,
 ) -> None:
     """Positions, poses and samples of each part of the split."""
     from mixpinn.dataset import SimulationStore, dataset_table

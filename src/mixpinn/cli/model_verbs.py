@@ -8,36 +8,24 @@ import typer
 
 from mixpinn.base.config import build_config, parse_overrides
 from mixpinn.base.errors import InputError
+from mixpinn.cli import options
 from mixpinn.cli.data_verbs import app
-from mixpinn.cli.options import (
-    Config,
-    HoldOut,
-    Out,
-    Positions,
-    ProbeFile,
-    Set,
-    SplitFile,
-    Threads,
-    load_mesh,
-    read_tip,
-    settings_layers,
-)
 from mixpinn.cli.output import say, warn
 
 
 @app.command()
 def train(
     source: Annotated[Path, typer.Argument(help="Folder that 'mixpinn simulate' wrote.")],
-    out: Out,
+    out: options.Out,
     model: Annotated[str, typer.Option(help="hybrid, mixpinn, simple-gat, physgnn or row-1 … row-13.")] = "mixpinn",
     width: Annotated[str | None, typer.Option(help="tiny, desk, authors or paper.")] = None,
     epochs: Annotated[int | None, typer.Option(help="Largest number of epochs.")] = None,
     scaling: Annotated[str | None, typer.Option(help="none or standard.")] = None,
     devices: Annotated[int, typer.Option(help="Processes, each with a device of its own.")] = 1,
-    split_file: SplitFile = None,
-    hold_out: HoldOut = None,
-    config: Config = None,
-    overrides: Set = None,
+    split_file: options.SplitFile = None,
+    hold_out: options.HoldOut = None,
+    config: options.Config = None,
+    overrides: options.Set = None,
 ) -> None:
     """Train one model; an interrupted run continues, to the same loss curve."""
     from mixpinn.dataset import SimulationStore
@@ -48,7 +36,7 @@ def train(
     from mixpinn.stages.training import ModelsConfig
 
     settings = build_config(
-        ModelsConfig, {"names": [model]}, *settings_layers(config, None, width=width, scaling=scaling),
+        ModelsConfig, {"names": [model]}, *options.settings_layers(config, None, width=width, scaling=scaling),
         {"train": {"max_epochs": epochs}} if epochs else {}, parse_overrides(overrides or []),
     )
     store = SimulationStore.open(simulations_folder(source))
@@ -68,12 +56,12 @@ def train(
 def evaluate(
     source: Annotated[Path, typer.Argument(help="Folder that 'mixpinn simulate' wrote.")],
     models: Annotated[list[Path], typer.Argument(help="Folders that 'mixpinn train' wrote.")],
-    out: Out,
+    out: options.Out,
     pictures: Annotated[bool, typer.Option(help="Render the deformed mesh.")] = True,
     paper: Annotated[bool, typer.Option(help="Show the paper's rows too.")] = False,
-    split_file: SplitFile = None,
-    hold_out: HoldOut = None,
-    threads: Threads = None,
+    split_file: options.SplitFile = None,
+    hold_out: options.HoldOut = None,
+    threads: options.Threads = None,
 ) -> None:
     """Metrics on the test positions, pictures and the HTML report."""
     from mixpinn.dataset import SimulationStore
@@ -95,20 +83,20 @@ def evaluate(
 @app.command()
 def ablate(
     source: Annotated[str, typer.Argument(help="Label maps, 'phantom', a mesh, or the folder of 'mixpinn simulate'.")],
-    out: Out,
+    out: options.Out,
     protocol: Annotated[str, typer.Option(help="desk or paper.")] = "desk",
     models: Annotated[list[str] | None, typer.Option("--model", help="Only this; repeatable. All fourteen.")] = None,
     hidden: Annotated[int | None, typer.Option(help="Channels a head.")] = None,
-    probe: ProbeFile = None,
-    positions: Positions = None,
-    split_file: SplitFile = None,
+    probe: options.ProbeFile = None,
+    positions: options.Positions = None,
+    split_file: options.SplitFile = None,
     workers: Annotated[int, typer.Option(help="Processes; every core by default.")] = 0,
     threads: Annotated[int, typer.Option(help="CPU threads of each process.")] = 1,
     scheduler: Annotated[str | None, typer.Option(help="Address of a Dask scheduler to use instead.")] = None,
     devices: Annotated[int, typer.Option(help="Processes of each training, each with a device of its own.")] = 1,
     tables_only: Annotated[bool, typer.Option("--tables-only", help="Only write tables of what is finished.")] = False,
-    config: Config = None,
-    overrides: Set = None,
+    config: options.Config = None,
+    overrides: options.Set = None,
 ) -> None:
     """The paper's experiments: every row trained and tested, with hold-outs; an interrupted run continues."""
     from mixpinn.studies.ablation import run_ablation
@@ -119,7 +107,7 @@ def ablate(
             f"--protocol {protocol}", expected="one of " + ", ".join(ABLATION_RUNS), got=protocol,
             fix="choose one of them",
         )
-    settings = build_config(AblationConfig, asdict(ABLATION_RUNS[protocol]), *settings_layers(
+    settings = build_config(AblationConfig, asdict(ABLATION_RUNS[protocol]), *options.settings_layers(
         config, overrides, models=models and tuple(models), hidden=hidden,
         split={"file": str(split_file)} if split_file else None,
         simulation={
@@ -135,19 +123,19 @@ def ablate(
 @app.command()
 def profile(
     meshes: Annotated[list[Path], typer.Argument(help="Folders that 'mixpinn mesh' wrote, or .vtu files, by name.")],
-    out: Out,
+    out: options.Out,
     models: Annotated[list[str] | None, typer.Option("--model", help="Only this model; repeatable.")] = None,
     hidden: Annotated[int | None, typer.Option(help="Channels a head.")] = None,
     threads: Annotated[int | None, typer.Option(help="CPU threads of every method; 1 by default.")] = None,
     repeats: Annotated[int | None, typer.Option(help="Predictions that are timed.")] = None,
-    probe: ProbeFile = None,
-    config: Config = None,
-    overrides: Set = None,
+    probe: options.ProbeFile = None,
+    config: options.Config = None,
+    overrides: options.Set = None,
 ) -> None:
     """Run time of solver, prior and networks on each mesh: time, memory, growth; an interrupted run continues."""
     from mixpinn.studies.profile import ProfileConfig, run_profile
 
-    settings = build_config(ProfileConfig, *settings_layers(
+    settings = build_config(ProfileConfig, *options.settings_layers(
         config, overrides, models=models and tuple(models), hidden=hidden, threads=threads, repeats=repeats,
         simulation={"probe": str(probe)} if probe else None,
     ))
@@ -156,7 +144,7 @@ def profile(
         raise InputError(
             "meshes", expected="folders or files of different names", got=", ".join(names), fix="rename one of them",
         )
-    run_profile(dict(zip(names, map(load_mesh, meshes), strict=True)), settings, out=out)
+    run_profile(dict(zip(names, map(options.load_mesh, meshes), strict=True)), settings, out=out)
 
 
 @app.command()
@@ -169,7 +157,7 @@ def predict(
     position: Annotated[int, typer.Option(help="Index of the sample's probe position.")] = 0,
     rotation: Annotated[float, typer.Option(help="The probe's rotation in degrees.")] = 0.0,
     depth: Annotated[float | None, typer.Option(help="Its depth in mm; the deepest by default.")] = None,
-    threads: Threads = None,
+    threads: options.Threads = None,
 ) -> None:
     """Contact displacement, or the probe's pose, → deformed mesh, for ParaView and 3D Slicer."""
     from mixpinn.face import load, simulations_folder
@@ -182,7 +170,7 @@ def predict(
             "predict", expected="one of --contacts, --simulations and --tip", got="none or several",
             fix="give one of them",
         )
-    place = None if tip is None else read_tip(tip)
+    place = None if tip is None else options.read_tip(tip)
     predictor = load(model, threads=threads, warm_up=False)
     if place is not None:
         answer = predictor.press(place, rotation_deg=rotation)

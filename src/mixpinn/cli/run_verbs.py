@@ -7,91 +7,70 @@ from typing import Annotated, Any
 import typer
 
 from mixpinn.base.config import build_config
+from mixpinn.cli import options
 from mixpinn.cli.data_verbs import app, export_app, import_app
-from mixpinn.cli.options import (
-    Caps,
-    Config,
-    CtFile,
-    Front,
-    Hold,
-    Joints,
-    Layers,
-    MeshSource,
-    Out,
-    PaperConstants,
-    PaperParts,
-    Positions,
-    ProbeFile,
-    Protocol,
-    Rigid,
-    Set,
-    Target,
-    Threads,
-    load_mesh,
-    restraint_options,
-    role_options,
-    settings_layers,
-    simulation_settings,
-)
 from mixpinn.cli.output import say
 
 
 @app.command()
 def run(
     config: Annotated[Path, typer.Argument(help="Settings of all stages as TOML or JSON.")],
-    out: Out,
-    joints: Joints = None,
-    support: Front = None,
-    hold: Hold = None,
-    caps: Caps = None,
-    overrides: Set = None,
-    threads: Threads = None,
+    out: options.Out,
+    joints: options.Joints = None,
+    support: options.Front = None,
+    hold: options.Hold = None,
+    caps: options.Caps = None,
+    overrides: options.Set = None,
+    threads: options.Threads = None,
 ) -> None:
     """The whole pipeline, from label maps to report; an interrupted run continues."""
     from mixpinn.pipeline import RunConfig, run_pipeline
 
-    settings = settings_layers(config, overrides, simulation=restraint_options(joints, support, hold, caps) or None)
+    restraints = options.restraint_options(joints, support, hold, caps)
+    settings = options.settings_layers(config, overrides, simulation=restraints or None)
     run_pipeline(build_config(RunConfig, *settings), out=out, threads=threads)
 
 
 @app.command()
-def demo(out: Out = Path("runs/demo"), overrides: Set = None, threads: Threads = None) -> None:
+def demo(out: options.Out = Path("runs/demo"), overrides: options.Set = None, threads: options.Threads = None) -> None:
     """The whole pipeline on the built-in phantom."""
     from mixpinn.pipeline import DEMO, RunConfig, run_pipeline
 
-    run_pipeline(build_config(RunConfig, asdict(DEMO), *settings_layers(None, overrides)), out=out, threads=threads)
+    settings = build_config(RunConfig, asdict(DEMO), *options.settings_layers(None, overrides))
+    run_pipeline(settings, out=out, threads=threads)
 
 
 @app.command()
 def onboard(
     source: Annotated[str, typer.Argument(help="Folder of label images, one multi-label image, or 'phantom'.")],
-    out: Out,
+    out: options.Out,
     poses: Annotated[int | None, typer.Option(help="Poses to simulate and learn from; 0 stops at the prior.")] = None,
-    rigid: Rigid = None,
-    target: Target = None,
-    paper_parts: PaperParts = False,
-    layers: Layers = False,
-    ct: CtFile = None,
-    probe: ProbeFile = None,
+    rigid: options.Rigid = None,
+    target: options.Target = None,
+    paper_parts: options.PaperParts = False,
+    layers: options.Layers = False,
+    ct: options.CtFile = None,
+    probe: options.ProbeFile = None,
     size: Annotated[float | None, typer.Option(help="Mesh size: 1 is the paper's, larger is coarser.")] = None,
-    joints: Joints = None,
-    support: Front = None,
-    hold: Hold = None,
-    caps: Caps = None,
+    joints: options.Joints = None,
+    support: options.Front = None,
+    hold: options.Hold = None,
+    caps: options.Caps = None,
     workers: Annotated[int | None, typer.Option(help="Processes; every core by default.")] = None,
     pictures: Annotated[bool, typer.Option(help="Render the deformed mesh.")] = True,
-    config: Config = None,
-    overrides: Set = None,
+    config: options.Config = None,
+    overrides: options.Set = None,
 ) -> None:
     """Label maps → a predictor bundle, usable after the prior and better after each round of poses; with a report."""
     from mixpinn.pipeline import OnboardingConfig, onboard
     from mixpinn.stages.anatomy import source_settings
 
-    anatomy: dict[str, Any] = {**source_settings(source), **role_options(rigid, target, paper_parts, layers, ct)}
+    roles = options.role_options(rigid, target, paper_parts, layers, ct)
+    anatomy: dict[str, Any] = {**source_settings(source), **roles}
     simulation = {
-        "probe": probe and str(probe), "workers": workers, **restraint_options(joints, support, hold, caps),
+        "probe": probe and str(probe), "workers": workers, **options.restraint_options(joints, support, hold, caps),
     }
-    settings = build_config(OnboardingConfig, *settings_layers(
+    settings = build_config(OnboardingConfig, *options.settings_layers(
         config, overrides, poses=poses, pictures=None if pictures else False,
         anatomy={**anatomy, "repair": source != "phantom"}, mesh={"size": size} if size else None,
         simulation={key: value for key, value in simulation.items() if value is not None} or None,
@@ -115,22 +94,22 @@ def seal(
 
 @export_app.command("sofa")
 def export_sofa(
-    source: MeshSource,
-    out: Out,
-    protocol: Protocol = None,
-    probe: ProbeFile = None,
-    positions: Positions = None,
-    paper_constants: PaperConstants = False,
-    config: Config = None,
-    overrides: Set = None,
+    source: options.MeshSource,
+    out: options.Out,
+    protocol: options.Protocol = None,
+    probe: options.ProbeFile = None,
+    positions: options.Positions = None,
+    paper_constants: options.PaperConstants = False,
+    config: options.Config = None,
+    overrides: options.Set = None,
 ) -> None:
     """The same set-up as a documented SofaPython3 scene with a recorder."""
     from mixpinn.stages.sofa import export_sofa as write
 
-    settings = simulation_settings(
+    settings = options.simulation_settings(
         config, overrides, protocol=protocol, probe=probe, positions=positions, paper_constants=paper_constants,
     )
-    say(f"Scene: {write(load_mesh(source), settings, out=out)}")
+    say(f"Scene: {write(options.load_mesh(source), settings, out=out)}")
 
 
 @import_app.command("sofa")
@@ -138,11 +117,11 @@ def import_sofa(
     recordings: Annotated[Path, typer.Argument(help="Folder of recordings pose_PPP_RRR.npz.")],
     mesh_source: Annotated[Path, typer.Option("--mesh", help="Mesh that they were made on: folder or .vtu.")],
     positions: Annotated[Path, typer.Option(help="File with one listed probe position a line.")],
-    out: Out,
-    paper_constants: PaperConstants = False,
+    out: options.Out,
+    paper_constants: options.PaperConstants = False,
     scene: Annotated[Path | None, typer.Option(help="Folder of 'mixpinn export sofa' that was recorded.")] = None,
-    config: Config = None,
-    overrides: Set = None,
+    config: options.Config = None,
+    overrides: options.Set = None,
 ) -> None:
     """SOFA recordings, and the constants they were made with → simulations that 'mixpinn train' reads."""
     from mixpinn.interop import PAPER_SOFA, SofaConstants
@@ -150,6 +129,6 @@ def import_sofa(
 
     known = [asdict(PAPER_SOFA)] if paper_constants else []
     known += [asdict(SofaConstants.of_scene(scene))] if scene is not None else []
-    constants = build_config(SofaConstants, *known, *settings_layers(config, overrides))
-    store = import_sofa_recordings(recordings, load_mesh(mesh_source), constants, positions=positions, out=out)
+    constants = build_config(SofaConstants, *known, *options.settings_layers(config, overrides))
+    store = import_sofa_recordings(recordings, options.load_mesh(mesh_source), constants, positions=positions, out=out)
     say(f"{len(store.poses)} poses in {out}")

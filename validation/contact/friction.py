@@ -7,8 +7,8 @@ import numpy as np
 from mixpinn.fem import ContactConfig, Scene, StableNeoHookean
 from mixpinn.records import Probe, ProbePath
 from validation.blocks import block, labelled
+from validation.contact.watched import Watched, watch
 from validation.result import Result, Section, picture
-from validation.watched import Watched, watch
 
 MU = 0.3
 PRESS, DRAG, INCREMENT = 1.0, 4.0, 0.25

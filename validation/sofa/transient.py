@@ -8,9 +8,9 @@ from mixpinn.base.arrays import FloatArray
 from mixpinn.base.progress import track
 from mixpinn.fem import PAPER_TISSUE, ElasticSystem
 from validation.result import Result, Section, picture
-from validation.sofa_contact import replayer, simulate
-from validation.sofa_fields import APPROACH, Recording, StaticField, data_folder
-from validation.sofa_imposed import kept_differences
+from validation.sofa.contact import replayer, simulate
+from validation.sofa.fields import APPROACH, Recording, StaticField, data_folder
+from validation.sofa.imposed import kept_differences
 
 EVERY = 5
 """Of the recorded poses every fifth is replayed, besides those with a static field."""

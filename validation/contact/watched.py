@@ -7,7 +7,7 @@ from mixpinn.base.arrays import FloatArray
 from mixpinn.fem import ElasticSystem, PoseSimulator, Scene, State
 from mixpinn.fem.contact.model import ContactModel, FrictionFrame, ProbePose
 from mixpinn.records import ProbePath, Simulation
-from validation.probe_side import ContactPoints, contact_points
+from validation.contact.probe_side import ContactPoints, contact_points
 
 
 @dataclass(frozen=True, eq=False)

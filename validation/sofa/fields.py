@@ -19,7 +19,7 @@ APPROACH = 8
 
 def data_folder() -> Path | None:
     """Folder of the recorded fields (environment variable MIXPINN_DATA), or None where it is absent."""
-    folder = Path(os.environ.get("MIXPINN_DATA", Path(__file__).parents[1] / ".." / "shared" / "data")).resolve()
+    folder = Path(os.environ.get("MIXPINN_DATA", Path(__file__).parents[2] / ".." / "shared" / "data")).resolve()
     return folder if (folder / "sofa").is_dir() else None
 
 

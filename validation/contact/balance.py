@@ -8,8 +8,8 @@ from mixpinn.fem import PAPER_TISSUE, Scene, SolverConfig
 from mixpinn.geometry.probe_shapes import linear_probe
 from mixpinn.records import ProbePath
 from validation.blocks import two_bones
+from validation.contact.watched import Watched, watch
 from validation.result import Result, Section, picture
-from validation.watched import Watched, watch
 
 ARM = 30.0
 """By which moments are made comparable with forces [mm]."""

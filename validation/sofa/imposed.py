@@ -10,7 +10,7 @@ from mixpinn.base.progress import track
 from mixpinn.fem import PAPER_TISSUE, ElasticSystem, default_solver
 from validation.newton import equilibrium
 from validation.result import Result, Section, picture
-from validation.sofa_fields import APPROACH, Recording, data_folder, paper_mesh
+from validation.sofa.fields import APPROACH, Recording, data_folder, paper_mesh
 
 QUICK = 2
 """Poses that are computed where not all are asked for."""

@@ -10,8 +10,8 @@ from mixpinn.base.arrays import FloatArray
 from mixpinn.fem import ContactConfig, LinearElastic, Scene
 from mixpinn.records import Probe, ProbePath
 from validation.blocks import grid_block, labelled
+from validation.contact.watched import watch
 from validation.result import Result, Section, picture
-from validation.watched import watch
 
 YOUNG, POISSON = 25.4e-3, 0.3
 GAP = 0.25

@@ -9,7 +9,7 @@ from mixpinn.base.progress import track
 from mixpinn.fem import PoseSimulator
 from mixpinn.records import Simulation
 from validation.result import Result, Section, picture
-from validation.sofa_fields import (
+from validation.sofa.fields import (
     APPROACH,
     Recording,
     StaticField,

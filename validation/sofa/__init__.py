@@ -1,0 +1,1 @@
+"""SOFA's recorded fields against the solver."""
