@@ -147,7 +147,7 @@ def _compiled() -> list[str]:
     source = ROOT / "src"
     return [
         ".".join(path.relative_to(source).with_suffix("").parts) for path in sorted(source.rglob("*.py"))
-        if "numba" in path.read_text(encoding="utf-8")
+        if any(word in path.read_text(encoding="utf-8") for word in ("numba", "compiled", "inlined"))
     ]
 
 

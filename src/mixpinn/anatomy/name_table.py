@@ -66,7 +66,8 @@ def _line_entries(path: Path | str, expected: str) -> list[tuple[int, str]]:
     for pattern in (_ITK_SNAP, _SLICER):
         matches = [pattern.match(line) for _, line in lines]
         if lines and all(matches):
-            return [(int(match[1]), match[2]) for match in matches if match]
+            rows = [(at, f"{match[1]}\t{match[2]}") for (at, _), match in zip(lines, matches, strict=True) if match]
+            return _by_columns(path, rows, "\t", 0, 1, expected)
     for separator in ("\t", ";", ","):
         if not lines or not all(separator in line for _, line in lines):
             continue

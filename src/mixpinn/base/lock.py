@@ -39,7 +39,7 @@ def acquire(folder: Path | str, *, wait: bool = False) -> bool:
     make_folder(folder)
     told = False
     while True:
-        file = open(folder / LOCK_FILE, "a+", encoding="ascii")  # noqa: SIM115 (kept open: closing it gives it back)
+        file = open(folder / LOCK_FILE, "a+", encoding="ascii", errors="replace")  # noqa: SIM115 (kept open: closing it gives it back)
         if _try_lock(file, wait=told):
             # Whoever gave the lock back has removed its file: ours counts only if it is still the one in the folder.
             with contextlib.suppress(FileNotFoundError):

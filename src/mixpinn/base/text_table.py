@@ -32,7 +32,10 @@ def split_cells(line: str, separator: str) -> list[str]:
     """Cells of a line; a blank as separator stands for any run of white space."""
     if separator == " ":
         return line.split()
-    return [cell.strip() for cell in next(csv.reader([line], delimiter=separator))]
+    try:
+        return [cell.strip() for cell in next(csv.reader([line], delimiter=separator))]
+    except csv.Error:  # a cell without end, or a zero
+        return line.split(separator)
 
 
 def read_columns(

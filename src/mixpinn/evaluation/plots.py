@@ -182,7 +182,7 @@ def _read_losses(path: Path) -> tuple[FloatArray, ...]:
         columns = tuple(np.array([float(row[name]) for row in rows]) for name in _LOSS_COLUMNS)
     except FileNotFoundError as error:
         raise InputError(str(path), expected="a training log", got="no such file", fix="check the path") from error
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, TypeError, ValueError, csv.Error) as error:
         raise InputError(
             str(path), expected="columns " + ",".join(_LOSS_COLUMNS) + " of numbers",
             got=f"{type(error).__name__} {error}", fix="use the CSV log that training wrote",

@@ -1,6 +1,6 @@
 """SOFA in: recordings of SOFA scenes become simulations."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +10,7 @@ from mixpinn.base.array_file import read_npz
 from mixpinn.base.arrays import AnyArray, FloatArray, IntArray
 from mixpinn.base.errors import InputError
 from mixpinn.base.progress import track
+from mixpinn.base.validated import ArraySpec
 from mixpinn.geometry.rigid_fit import fit_rotation
 from mixpinn.geometry.rotations import rotation_about_y
 from mixpinn.records import ProbePath, Simulation, TissueMesh
@@ -22,6 +23,21 @@ REQUIRED = (
     "displacement_um", "contact_offsets", "contact_nodes", "contact_forces_mN", "contact_probe_position",
     "rotation_deg", "position_index",
 )
+_CONTACTS = {
+    "contact_nodes": ArraySpec("index", ("contacts",), low=0),
+    "contact_forces_mN": ArraySpec("number", ("contacts", 3)),
+    "rotation_deg": ArraySpec("number", ()), "position_index": ArraySpec("index", (), low=0),
+}
+_PATH = _CONTACTS | {
+    "displacement_um": ArraySpec("number", ("steps", "nodes", 3)), "contact_offsets": ArraySpec("index", ("offsets",)),
+    "contact_probe_position": ArraySpec("number", ("steps", 3), finite=False),
+    "depths": ArraySpec("number", ("steps",)), "probe_rotation": ArraySpec("number", ("steps", 3, 3)),
+    "step_cpu_ms": ArraySpec("number", ("steps",), finite=False),
+}
+_STATIC = _CONTACTS | {
+    "displacement": ArraySpec("number", ("nodes", 3)), "contact_probe_y": ArraySpec("number", ()),
+}
+"""What the arrays of recordings must be, where they are there."""
 FIRST_DEPTH = -7.0
 """Depth of the first recorded step [mm] where a recording does not say: step s = 1 … 28 has depth s − 8."""
 
@@ -43,6 +59,7 @@ def read_sofa_recording(path: Path | str, mesh: TissueMesh) -> Simulation:
     """
     path = Path(path)
     values = _read(path, REQUIRED)
+    _check(path, values, _PATH)
     displacement = (values["displacement_um"].astype(np.float32) * np.float32(MICROMETRE)).astype(np.float32)
     _check_nodes(path, displacement.shape[1], mesh)
     steps = len(displacement)
@@ -84,9 +101,15 @@ def read_sofa_static(path: Path | str, mesh: TissueMesh, positions: FloatArray) 
     values = _read(path, (
         "displacement", "contact_nodes", "contact_forces_mN", "contact_probe_y", "rotation_deg", "position_index",
     ))
+    _check(path, values, _STATIC)
     displacement = values["displacement"].astype(np.float32)[None]
     _check_nodes(path, displacement.shape[1], mesh)
     index, rotation_deg = int(values["position_index"]), float(values["rotation_deg"])
+    if index >= len(positions):
+        raise InputError(
+            str(path), expected=f"a position below {len(positions)}", got=str(index),
+            fix="give the positions that the recordings were made at",
+        )
     tip = np.array([positions[index, 0], float(values["contact_probe_y"]), positions[index, 2]])
     # The collision mesh is one step of 1 mm behind the depth.
     depth = positions[index, 1] - tip[1] + 1.0
@@ -165,6 +188,14 @@ def _read(path: Path, required: Sequence[str]) -> dict[str, Any]:
             fix="record the pose with the exported scene",
         )
     return values
+
+
+def _check(path: Path, values: dict[str, Any], specs: Mapping[str, ArraySpec]) -> None:
+    extents: dict[str, int] = {}
+    for name in specs.keys() & values.keys():
+        array = np.squeeze(values[name]) if not specs[name].shape else values[name]
+        specs[name].check(array, f"{path}: {name}", extents=extents, remake="copy or record the file again")
+        values[name] = array
 
 
 def _check_nodes(path: Path, count: int, mesh: TissueMesh) -> None:

@@ -107,7 +107,7 @@ def joint_frame_from(entry: Any, where: str) -> JointFrame:
         return JointFrame(
             str(entry["first"]), str(entry["second"]), entry["origin"], entry["axes"], float(entry["spacing"]),
         )
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise InputError(
             where, expected="a joint's first, second, origin, axes and spacing", got=f"{error!r}",
             fix="make the joint frames again from the mesh",

@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from mixpinn.base.arrays import BoolArray
-from mixpinn.base.files import read_json, write_json, write_text
+from mixpinn.base.files import write_json, write_text
+from mixpinn.base.validated import load_record
 from mixpinn.dataset import Split, build_sample_table, with_contact_noise
 from mixpinn.geometry.probe_shapes import linear_probe
 from mixpinn.records import MESH_FILE, SampleTable, TissueMesh
@@ -127,6 +128,6 @@ def load_sets(folder: Path) -> tuple[TestSet, ...]:
     """The test sets of a table, described.
 
     Raises:
-        InputError: absent.
+        InputError: absent or damaged.
     """
-    return tuple(TestSet(**entry) for entry in read_json(folder / SAMPLES / SETS))
+    return load_record(tuple[TestSet, ...], folder / SAMPLES / SETS, remake="begin the table in another folder")

@@ -83,7 +83,7 @@ def read_history(folder: Path | str) -> tuple[EpochRecord, ...]:
         raise InputError(
             str(path), expected="the history of a training run", got="no such file", fix="check the folder",
         ) from error
-    except (KeyError, TypeError, ValueError, UnicodeDecodeError) as error:
+    except (KeyError, TypeError, ValueError, csv.Error) as error:
         raise InputError(
             str(path), expected="one row of numbers an epoch", got=f"{type(error).__name__}: {error}",
             fix=_REMAKE,

@@ -77,6 +77,25 @@ def flattened(
     return labels, {number: name for number, (name, _) in enumerate(ordered, start=1)}, notes
 
 
+def file_beside(path: Path, name: str) -> Path:
+    """The file of voxels that a header names.
+
+    Raises:
+        InputError: no such file.
+    """
+    beside = path.parent / name
+    try:
+        found = beside.is_file()
+    except OSError:  # a name that no file can have
+        found = False
+    if not found:
+        raise InputError(
+            str(path), expected=f"its data file {name[:60]!r}", got="no such file, or a list of files",
+            fix="export it as .nii.gz",
+        )
+    return beside
+
+
 def _check_affine(path: Path, affine: FloatArray) -> None:
     if not np.isfinite(affine).all():
         raise InputError(

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mixpinn.anatomy.images.label_image import LPS_TO_RAS, LabelImage, make_label_image
+from mixpinn.anatomy.images.label_image import LPS_TO_RAS, LabelImage, file_beside, make_label_image
 from mixpinn.base.arrays import AnyArray, FloatArray
 from mixpinn.base.bounded import unpack
 from mixpinn.base.errors import InputError
@@ -80,9 +80,7 @@ def _numbers(path: Path, text: str, count: int) -> FloatArray:
 def _data(path: Path, fields: dict[str, str], body: bytes | bytearray) -> AnyArray:
     file = fields["elementdatafile"]
     if file.lower() != "local":
-        if not (path.parent / file).is_file():
-            raise _bad(path, f"its data file {file}", "no such file, or a list of files")
-        body = (path.parent / file).read_bytes()
+        body = file_beside(path, file).read_bytes()
     kind = _TYPES.get(fields.get("elementtype", "").upper())
     header_size = fields.get("headersize", "0")
     if kind is None or fields.get("binarydata", "True").lower() != "true" or header_size != "0":

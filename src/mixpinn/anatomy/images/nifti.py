@@ -82,7 +82,10 @@ def _extension_names(image: nib.Nifti1Image) -> dict[int, str]:
     """Names of the numbers in an XML extension of the header: ``<Label Key="27">vertebrae_L5</Label>``."""
     names: dict[int, str] = {}
     for extension in image.header.extensions:
-        content = extension.get_content()
+        try:
+            content = extension.get_content()
+        except Exception:  # nibabel hands extensions of other programs to their own readers
+            continue
         text = content if isinstance(content, bytes) else str(content).encode()
         text = text.strip(b"\x00 \r\n\t")
         if b"<Label" not in text or b"<!DOCTYPE" in text or b"<!ENTITY" in text:

@@ -25,7 +25,13 @@ def nifti_affine(path: Path, image: nib.Nifti1Image) -> tuple[FloatArray, tuple[
         InputError: the header has neither.
     """
     header = image.header
-    unit = _MM_PER_UNIT.get(header.get_xyzt_units()[0], 1.0)
+    try:
+        unit = _MM_PER_UNIT[header.get_xyzt_units()[0]]
+    except KeyError as error:
+        raise InputError(
+            str(path), expected="lengths in metres, millimetres or micrometres", got="an unknown unit in the header",
+            fix="write the image again",
+        ) from error
     sform = _scaled(header.get_sform(coded=True)[0], unit)
     try:
         qform = _scaled(header.get_qform(coded=True)[0], unit)

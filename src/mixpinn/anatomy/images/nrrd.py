@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mixpinn.anatomy.images.label_image import LPS_TO_RAS, LabelImage, flattened, make_label_image
+from mixpinn.anatomy.images.label_image import LPS_TO_RAS, LabelImage, file_beside, flattened, make_label_image
 from mixpinn.base.arrays import AnyArray, FloatArray
 from mixpinn.base.bounded import Packing, unpack
 from mixpinn.base.errors import InputError
@@ -140,9 +140,7 @@ def _data(path: Path, fields: dict[str, str], body: bytes | bytearray, sizes: li
     encoding = _field(path, fields, "encoding").lower()
     file = fields.get("data file", fields.get("datafile"))
     if file is not None:
-        if not (path.parent / file).is_file():
-            raise _bad(path, f"its data file {file}", "no such file, or a list of files")
-        body = (path.parent / file).read_bytes()
+        body = file_beside(path, file).read_bytes()
     if kind is None or any(name in fields for name in ("line skip", "lineskip", "byte skip", "byteskip")):
         raise _bad(path, "whole or floating-point numbers without skipped bytes", fields["type"])
     dtype = np.dtype(kind).newbyteorder(">" if fields.get("endian", "little").lower() == "big" else "<")
