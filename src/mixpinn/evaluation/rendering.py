@@ -12,7 +12,11 @@ from mixpinn.evaluation.rendering_backend import RenderingUnavailable, start_ren
 from mixpinn.evaluation.rendering_camera import aim, in_front, new_plotter, shoot
 from mixpinn.records import Probe, SampleTable, TissueMesh
 
-PART_COLOURS = ("#4C9BD6", "#E69F00", "#2FA67F", "#D87BB0", "#E07B39", "#8C7AC6", "#B5A642")
+PART_COLOURS = (
+    "#4C9BD6", "#E69F00", "#2FA67F", "#D87BB0", "#E07B39", "#8C7AC6", "#B5A642", "#1F5A8A", "#A65628", "#66C2A5",
+    "#984EA3", "#F4A6A0", "#5B7A1E", "#AEC7E8", "#7F7F7F", "#C49C94", "#17BECF", "#DBDB8D", "#B22222", "#9EDAE5",
+)
+"""One a part; from the twenty-first on they begin anew."""
 _TISSUE, _PROBE, _INK = "#F0D3C0", "#56616B", "#222222"
 _FEM, _FEM_LINE, _PREDICTED = "#C9CDD2", "#6C737A", "#D7191C"
 _MATT = {"smooth_shading": False, "ambient": 0.42, "diffuse": 0.56, "specular": 0.0}

@@ -12,7 +12,7 @@ from mixpinn.fem.rigid.joint_presets import JointPreset, preset_joints, with_fig
 from mixpinn.fem.scene_record import scene_hash, scene_record
 from mixpinn.fem.solve.quasi_static import SolverConfig
 from mixpinn.geometry.probe_shapes import linear_probe
-from mixpinn.mesh.joint_frames import joint_frames
+from mixpinn.mesh.joint_frames import joint_frames, neighbours
 from mixpinn.physics.foundation import Foundation
 from mixpinn.physics.joint_system import Joint, JointSystem
 from mixpinn.physics.restraints import Restraints
@@ -68,8 +68,8 @@ class Scene:
         Raises:
             InputError: an unknown preset, no end plates where frames are sought, or discs labelled as a tissue.
         """
-        frames = () if preset == JointPreset.NONE else joint_frames(self.mesh)
-        return replace(self, joints=preset_joints([frame for frame in frames if with_figures(frame)], preset))
+        pairs = [] if preset == JointPreset.NONE else [pair for pair in neighbours(self.mesh) if with_figures(*pair)]
+        return replace(self, joints=preset_joints(joint_frames(self.mesh, between=pairs), preset))
 
     @property
     def restraints(self) -> Restraints:

@@ -108,10 +108,14 @@ def joint_frames(mesh: TissueMesh, *, between: Sequence[tuple[str, str]] | None 
     Raises:
         InputError: a part that the mesh does not have, or whose end plates are not found.
     """
-    if between is None:
-        ranked = sorted((rank, name) for name in mesh.rigid_names if (rank := spine_rank(name)) is not None)
-        between = [(lower, upper) for (_, upper), (_, lower) in pairwise(ranked)]
+    between = neighbours(mesh) if between is None else between
     return tuple(_frame(mesh, first, second) for first, second in between)
+
+
+def neighbours(mesh: TissueMesh) -> tuple[tuple[str, str], ...]:
+    """Vertebrae that follow each other along the spine, caudal and cranial, from head to foot."""
+    ranked = sorted((rank, name) for name in mesh.rigid_names if (rank := spine_rank(name)) is not None)
+    return tuple((lower, upper) for (_, upper), (_, lower) in pairwise(ranked))
 
 
 def _frame(mesh: TissueMesh, first: str, second: str) -> JointFrame:
@@ -128,7 +132,7 @@ def _frame(mesh: TissueMesh, first: str, second: str) -> JointFrame:
     except ValueError as error:
         raise InputError(
             f"joint of {second} and {first}", expected="facing end plates", got=str(error),
-            fix="give the joint's frame yourself (JointFrame), or leave the joint out",
+            fix="give the joint's frame yourself (JointFrame, joint_frames=FILE), or do without joints (--joints none)",
         ) from error
     origin = 0.5 * (above + below)
     behind = 0.5 * (lower.middle + upper.middle) - origin

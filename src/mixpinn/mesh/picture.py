@@ -10,7 +10,10 @@ from mixpinn.base.files import atomic_path
 from mixpinn.records.tissue_mesh import TissueMesh
 
 _SKIN, _TISSUE = "#e8beac", "#d9d4cf"
-_PARTS = ("#4477aa", "#ee6677", "#228833", "#ccbb44", "#66ccee", "#aa3377")
+_PARTS = (
+    "#4477aa", "#ee6677", "#228833", "#ccbb44", "#66ccee", "#aa3377", "#e07b39", "#8c7ac6", "#1f5a8a", "#a65628",
+    "#66c2a5", "#5b7a1e", "#7f7f7f", "#c49c94", "#dbdb8d", "#b22222",
+)
 
 
 def draw_mesh(mesh: TissueMesh, path: Path | str, *, size: tuple[int, int] = (1600, 800)) -> None:

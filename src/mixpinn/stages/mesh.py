@@ -22,7 +22,7 @@ from mixpinn.mesh.checks.fidelity import MeshFidelity, mesh_fidelity
 from mixpinn.mesh.checks.quality import MeshQuality, mesh_quality
 from mixpinn.mesh.checks.statistics import MeshStatistics, mesh_statistics
 from mixpinn.mesh.import_vtu import import_vtu
-from mixpinn.mesh.joint_frames import joint_frames
+from mixpinn.mesh.joint_frames import joint_frames, neighbours
 from mixpinn.mesh.joint_picture import draw_joint_frames
 from mixpinn.mesh.meshers.cgal_mesher import CgalMesher
 from mixpinn.mesh.meshers.grading import Grading, SizingField
@@ -32,7 +32,7 @@ from mixpinn.mesh.picture import draw_mesh
 from mixpinn.mesh.surfaces.check_surface import check_surfaces
 from mixpinn.mesh.surfaces.extract import SurfaceConfig, extract_surfaces
 from mixpinn.mesh.surfaces.surface import DomainSurfaces
-from mixpinn.records.joint_frame import JOINTS_FILE, save_joint_frames
+from mixpinn.records.joint_frame import JOINTS_FILE, JointFrame, save_joint_frames
 from mixpinn.records.label_map import LabelMap, sidecar
 from mixpinn.records.tissue_mesh import MESH_FILE, TissueMesh
 from mixpinn.stages.anatomy import LABELS_FILE
@@ -213,11 +213,13 @@ def make_mesh(
         report += "\n" + result.fidelity.markdown()
     write_text(out / "statistics.md", report)
     if isinstance(source, LabelMap) and not source.phantom:
-        with contextlib.suppress(InputError):  # no end plates, no frames: a scene that wants them says so
-            frames = joint_frames(result.mesh)
-            save_joint_frames(frames, out / JOINTS_FILE)
-            if config.picture and frames:
-                draw_joint_frames(result.mesh, frames, out / "joints.png")
+        frames: list[JointFrame] = []
+        for pair in neighbours(result.mesh):
+            with contextlib.suppress(InputError):  # no end plates, no frame: a scene that wants it says so
+                frames += joint_frames(result.mesh, between=[pair])
+        save_joint_frames(frames, out / JOINTS_FILE)
+        if config.picture and frames:
+            draw_joint_frames(result.mesh, frames, out / "joints.png")
     MESH_RUN.seal(out, [name for name in MESH_RUN_FILES if (out / name).is_file()])
     if config.picture:
         try:
@@ -233,7 +235,13 @@ def make_mesh(
 
 def _build(source: LabelMap | DomainSurfaces | Path | str, config: MeshConfig) -> tuple[TissueMesh, LabelMap | None]:
     mesh, label_map = _cells(source, config)
-    doubts = (*mesh.doubts, *(f"mesh: {line}" for line in mesh_warnings(mesh)))
+    thin = () if label_map is None else tuple(
+        f"{name}: part: soft tissue, since it is too thin for smoothing and gaps of the surfaces"
+        for name in label_map.rigid_names if name not in mesh.rigid_names
+    )
+    for line in thin:
+        console.print(line, soft_wrap=True)
+    doubts = (*mesh.doubts, *thin, *(f"mesh: {line}" for line in mesh_warnings(mesh)))
     mesh = replace(mesh, doubts=tuple(dict.fromkeys(doubts)))
     return mesh.with_order(2 if config.element == "quadratic" else mesh.order), label_map
 

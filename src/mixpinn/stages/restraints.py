@@ -9,7 +9,7 @@ import numpy as np
 
 from mixpinn.base.errors import InputError
 from mixpinn.fem.rigid.joint_presets import JointPreset, preset_joints, with_figures
-from mixpinn.mesh.joint_frames import joint_frames
+from mixpinn.mesh.joint_frames import joint_frames, neighbours
 from mixpinn.physics.foundation import Face, Foundation, cap_nodes
 from mixpinn.physics.joint_system import Joint
 from mixpinn.physics.restraints import Restraints
@@ -106,8 +106,11 @@ def joints_between(mesh: TissueMesh, choice: JointChoice, *, frames: str | None 
     """
     if choice in ("auto", JointPreset.NONE):
         return ()
-    found = load_joint_frames(frames) if frames is not None else joint_frames(mesh)
-    return preset_joints([frame for frame in found if with_figures(frame)], choice)
+    if frames is not None:
+        found = tuple(frame for frame in load_joint_frames(frames) if with_figures(frame.first, frame.second))
+    else:
+        found = joint_frames(mesh, between=[pair for pair in neighbours(mesh) if with_figures(*pair)])
+    return preset_joints(found, choice)
 
 
 def settled_joints(choice: JointChoice, soft_names: Sequence[str]) -> JointChoice:

@@ -5,7 +5,7 @@ import pytest
 
 from mixpinn.base.errors import InputError
 from mixpinn.fem import JointFrame, preset_joints
-from mixpinn.fem.rigid.joint_presets import IN_VITRO, PRELOAD_FACTOR
+from mixpinn.fem.rigid.joint_presets import IN_VITRO, PRELOAD_FACTOR, THORACIC, with_figures
 from validation.joints import chain_bending_stiffness, lumbar_frames, measured_stiffness
 
 DEGREE = np.pi / 180.0
@@ -41,10 +41,25 @@ def test_what_a_preset_cannot_say_is_refused() -> None:
     with pytest.raises(InputError, match="in-vivo-prone"):
         preset_joints(lumbar_frames(), "in-vivo")
     axes = np.eye(3).tolist()
-    with pytest.raises(InputError, match="T12 to the sacrum"):
+    with pytest.raises(InputError, match="T7 to the sacrum"):
         preset_joints([JointFrame("vertebrae_T5", "vertebrae_T4", (0, 0, 0), axes, 30.0)], "in-vitro")
-    with pytest.raises(InputError, match="T12 to the sacrum"):
+    with pytest.raises(InputError, match="T7 to the sacrum"):
         preset_joints([JointFrame("vertebrae_L4", "vertebrae_L2", (0, 0, 0), axes, 70.0)], "in-vitro")
     with pytest.raises(InputError, match="spacing"):
         preset_joints([JointFrame("sacrum", "vertebrae_L5", (0, 0, 0), axes)], "in-vivo-prone")
     assert len(preset_joints([JointFrame("sacrum", "vertebrae_L5", (0, 0, 0), axes)], "in-vitro")) == 1
+
+
+def test_lower_thoracic_segments_have_figures_of_their_own() -> None:
+    axes = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    thoracic = JointFrame("vertebrae_T12", "vertebrae_T11", (0.0, 0.0, 0.0), axes, 28.0)
+    lumbar = JointFrame("vertebrae_L1", "vertebrae_T12", (0.0, 0.0, 28.0), axes, 30.0)
+    upper, lower = (np.diag(joint.law.stiffness) for joint in preset_joints([thoracic, lumbar], "in-vitro"))
+    for value, entry in zip(upper, THORACIC, strict=True):
+        assert entry.low <= value <= entry.high
+        assert "abstract" in entry.source
+    np.testing.assert_allclose(upper[:3], lower[:3])
+    assert (upper[3:] < lower[3:]).all()
+    assert with_figures("sacrum", "vertebrae_L5")
+    assert not with_figures("vertebrae_L5", "vertebrae_L3")
+    assert not with_figures("hip_left", "sacrum")

@@ -81,3 +81,20 @@ def test_label_surface_encloses_the_voxels():
     label_map = ball_label_map()
     mask = label_map.labels > 0
     assert label_surface(label_map, mask, "body").volume == pytest.approx(mask.sum() * label_map.voxel_volume, rel=0.02)
+
+
+def test_a_bone_that_is_no_target_may_be_too_thin():
+    label_map = ball_label_map(centres=APART)
+    labels = label_map.labels.copy()
+    first = len(label_map.soft_names) + 1
+    rod = np.argwhere(labels == first)
+    labels[labels == first] = 1
+    middle = rod.mean(axis=0).astype(int)
+    labels[middle[0], middle[1], rod[:, 2].min():rod[:, 2].max()] = first
+    thin = replace(label_map, labels=labels)
+    with pytest.raises(InputError, match=thin.rigid_names[0]):
+        extract_surfaces(thin)
+    spared = extract_surfaces(replace(thin, target_names=thin.rigid_names[1:]))
+    assert spared.rigid_names == thin.rigid_names[1:]
+    with pytest.raises(InputError, match=thin.rigid_names[0]):
+        extract_surfaces(replace(thin, target_names=thin.rigid_names[:1]))

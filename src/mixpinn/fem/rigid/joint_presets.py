@@ -157,14 +157,14 @@ def preset_joints(frames: Sequence[JointFrame], preset: JointPreset | str) -> tu
     return tuple(Joint(frame, LinearBushing.of_diagonal(_stiffness(frame, chosen))) for frame in frames)
 
 
-def with_figures(frame: JointFrame) -> bool:
-    """Whether the presets have figures for the joint: two neighbours from T7 to the sacrum."""
-    levels = [_level(name) for name in (frame.first, frame.second)]
+def with_figures(first: str, second: str) -> bool:
+    """Whether the presets have figures for a joint of these parts: two neighbours from T7 to the sacrum."""
+    levels = [_level(name) for name in (first, second)]
     return None not in levels and abs(_LEVELS.index(str(levels[0])) - _LEVELS.index(str(levels[1]))) == 1
 
 
 def _stiffness(frame: JointFrame, preset: JointPreset) -> list[float]:
-    if not with_figures(frame):
+    if not with_figures(frame.first, frame.second):
         raise InputError(
             f"joint {frame.name}", expected="two neighbours from T7 to the sacrum, for which the preset has figures",
             got="another pair", fix="leave this joint out, or give it a law of its own (Joint(frame, law))",

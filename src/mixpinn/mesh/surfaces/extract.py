@@ -57,10 +57,11 @@ def extract_surfaces(label_map: LabelMap, config: SurfaceConfig | None = None) -
     The body is everything that carries a label, its holes filled, closed by flat caps where the image ends. Small
     islands are left out. Rigid parts keep the gap of the configuration: with signed distances s (negative inside)
     part A becomes {max(s_A, (s_A − s_B + gap) / 2, s_body + gap) < 0}. Since s_A − s_B changes by at most twice the
-    distance walked, points of the new A and the new B lie at least `gap` apart.
+    distance walked, points of the new A and the new B lie at least `gap` apart. Where the label map names targets,
+    other parts that are too thin for that are left out: soft tissue.
 
     Raises:
-        InputError: a structure is absent, or too thin to survive smoothing and gaps.
+        InputError: a structure is absent, or, where it may not be left out, too thin to survive smoothing and gaps.
     """
     config = config or SurfaceConfig()
     spacing = np.linalg.norm(label_map.affine[:3, :3], axis=0)
@@ -106,7 +107,8 @@ def _rigid_surfaces(
         ndimage.gaussian_filter(signed_distance(mask, spacing), blur, mode="nearest").astype(np.float32)
         for mask in masks
     ]
-    surfaces = []
+    spared = set(label_map.rigid_names) - set(label_map.target_names) if label_map.target_names else set()
+    surfaces: dict[str, Surface] = {}
     for k, name in enumerate(label_map.rigid_names):
         level = np.maximum(distances[k], to_skin + config.gap)
         for other, distance in enumerate(distances):
@@ -114,9 +116,10 @@ def _rigid_surfaces(
                 level = np.maximum(level, (distances[k] - distance + config.gap) / 2.0)
         level = np.pad(level, 1, constant_values=float(spacing.max()))
         surface = _without_bubbles(_contour(level, low - 1.0, label_map, name))
-        _refuse_thin(surface, masks[k], label_map, config)
-        surfaces.append(surface)
-    return tuple(surfaces)
+        if name not in spared or _kept(surface, masks[k], label_map) >= _TOO_THIN:
+            _refuse_thin(surface, masks[k], label_map, config)
+            surfaces[name] = surface
+    return tuple(surfaces.values())
 
 
 def _blur(smoothing: float, spacing: FloatArray) -> FloatArray:
@@ -175,9 +178,13 @@ def _without_bubbles(surface: Surface) -> Surface:
     return Surface(surface.name, surface.points[used], index[triangles[used[triangles[:, 0]]]])
 
 
+def _kept(surface: Surface, mask: BoolArray, label_map: LabelMap) -> float:
+    """Share of a structure's volume that smoothing and gaps have left."""
+    return surface.volume / (float(mask.sum()) * label_map.voxel_volume) if len(surface.triangles) else 0.0
+
+
 def _refuse_thin(surface: Surface, mask: BoolArray, label_map: LabelMap, config: SurfaceConfig) -> None:
-    volume = float(mask.sum()) * label_map.voxel_volume
-    kept = surface.volume / volume if len(surface.triangles) else 0.0
+    kept = _kept(surface, mask, label_map)
     if kept < _TOO_THIN:
         raise InputError(
             surface.name, expected="a structure thicker than the smoothing and the gap to its neighbours",
