@@ -58,6 +58,15 @@ def penalty(violation, stiffness, smoothing):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True)
+def penalties(violation, stiffness, smoothing):  # type: ignore[no-untyped-def]
+    """`penalty` of each of n violations (n,), with a smoothing of each (n,) and one stiffness: shape (3, n)."""
+    found = np.empty((3, len(violation)))
+    for i in range(len(violation)):
+        found[0, i], found[1, i], found[2, i] = penalty(violation[i], stiffness, smoothing[i])
+    return found
+
+
+@numba.njit(cache=True, nogil=True)
 def return_slip(slip, normal, limit, slip_stiffness, direction):  # type: ignore[no-untyped-def]
     """Take the part of `slip` (3,) across `normal` (3,), and map it back to the cone |T| ≤ `limit` = μ N.
 

@@ -19,6 +19,7 @@ import numpy as np
 
 from mixpinn.base.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from mixpinn.base.sensible import not_negative, require_settings
+from mixpinn.physics.contact_law import penalties
 from mixpinn.records.tissue_mesh import TissueMesh
 
 
@@ -132,12 +133,10 @@ class FoundationSystem:
 
 
 def _penalty(violation: FloatArray, sink: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """φ, φ' and φ'' of `mixpinn.physics.contact_law.penalty` at k = 1 and δ = s / 2, for arrays."""
-    v, delta = np.maximum(violation, 0.0), 0.5 * sink
-    early = v < delta
-    energy = np.where(early, v**3 / (6.0 * delta), 0.5 * v * v - 0.5 * delta * v + delta * delta / 6.0)
-    force = np.where(early, v * v / (2.0 * delta), v - 0.5 * delta)
-    return energy, force, np.where(early, v / delta, 1.0)
+    """φ, φ' and φ'' of the contact law at k = 1 and δ = s / 2, in the shape of the violations."""
+    v, delta = np.broadcast_arrays(violation, 0.5 * sink)
+    energy, force, stiffness = penalties(v.ravel(), 1.0, delta.ravel()).reshape(3, *v.shape)
+    return energy, force, stiffness
 
 
 def cap_nodes(mesh: TissueMesh) -> BoolArray:

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from mixpinn.base.arrays import AnyArray, FloatArray
+from mixpinn.reduced.ridge import ridge
 
 TARGETS = ("field", "force", "motion")
 """What errors are told of: field [mm], force [N], motion of the rigid parts [mm]."""
@@ -42,7 +43,7 @@ class PoseErrorLaw:
         return found
 
     @staticmethod
-    def fit(signs: FloatArray, errors: FloatArray, groups: AnyArray, *, level: float = 0.95, ridge: float = 1e-2) -> (
+    def fit(signs: FloatArray, errors: FloatArray, groups: AnyArray, *, level: float = 0.95, penalty: float = 1e-2) -> (
         "PoseErrorLaw"
     ):
         """Calibrate.
@@ -52,14 +53,13 @@ class PoseErrorLaw:
             errors: of them, shape (n, 3).
             groups: which answers belong to one pose or place and are correlated, shape (n,).
             level: probability of the bounds.
-            ridge: keeps collinear signs apart.
+            penalty: of the ridge regression, relative to the number of answers; keeps collinear signs apart.
         """
         rows = np.array([_row(sign) for sign in signs])
         target = np.log(np.maximum(errors, _FLOOR))
         centre = rows.mean(axis=0)
         centred = rows[:, 1:] - centre[1:]
-        normal = centred.T @ centred + ridge * len(rows) * np.eye(centred.shape[1])
-        slopes = np.linalg.solve(normal, centred.T @ (target - target.mean(axis=0))).T
+        slopes = ridge(centred, target - target.mean(axis=0), penalty=penalty * len(rows)).T
         coefficients = np.column_stack([target.mean(axis=0) - slopes @ centre[1:], slopes])
         ratio = np.exp(target - rows @ coefficients.T)
         count = len(np.unique(groups))

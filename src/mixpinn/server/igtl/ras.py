@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mixpinn.base.arrays import AnyArray, FloatArray
+from mixpinn.geometry.rotations import orthonormalise
 from mixpinn.records import TissueMesh
 from mixpinn.server.igtl.damaged import DamagedMessage
 from mixpinn.server.igtl.transform import rigid_matrix
@@ -61,9 +62,8 @@ class RasFrame:
         turn = self.from_world[:3, :3].T @ matrix[:3, :3]
         if np.abs(turn @ turn.T - np.eye(3)).max() > _ROUNDING or np.linalg.det(turn) < 0.0:
             raise DamagedMessage("the probe's transform is no rigid placement: it scales, shears or mirrors")
-        left, _, right = np.linalg.svd(turn)  # the nearest rotation
         tip = self.from_world[:3, :3].T @ (matrix[:3, 3] - self.from_world[:3, 3])
-        return left @ right, tip
+        return orthonormalise(turn), tip
 
     def probe_from_world(self, rotation: AnyArray, tip: AnyArray) -> FloatArray:
         """The matrix that `probe_to_world` reads, shape (4, 4)."""
