@@ -64,3 +64,7 @@ def test_mesh_of_unchecked_images_names_the_verb_that_comes_first(tmp_path, what
     assert len(outcome.lines) == 1
     assert f"mixpinn anatomy {source} --out" in outcome.lines[0]
     assert not (tmp_path / "out").exists()
+
+
+def test_a_built_body_is_not_cut_off(chain):
+    assert LabelMap.load(chain.anatomy / "labels.nii.gz").doubts == ()

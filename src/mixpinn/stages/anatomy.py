@@ -206,7 +206,10 @@ def _compute(config: AnatomyConfig) -> AnatomyResult:
         left = (*segmentation.notes, *check_plausible(segmentation), *check(segmentation))
         findings = (*repairs, *left, *_hidden(findings, left))
     require_sound(findings, accept=config.accept)
-    lasting = tuple(finding.doubt for finding in findings if finding.lasting)
+    built = config.source == "phantom"  # a built body fills its grid: nothing has cut it off
+    lasting = tuple(
+        finding.doubt for finding in findings if finding.lasting and not (built and finding.kind == "cut off")
+    )
     segmentation = add_layers(segmentation, layers, thinnest=config.thinnest)
     if config.ct is not None:
         segmentation = layers_of_ct(segmentation, config.ct, thinnest=config.thinnest)
