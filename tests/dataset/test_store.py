@@ -162,3 +162,17 @@ def test_poses_of_one_name_are_refused(tmp_path, scene):
     poses = list_poses(np.zeros((1, 3)), SHORT)
     with pytest.raises(InputError, match="two of one name"):
         SimulationStore.create(tmp_path, scene.mesh, protocol=SHORT, positions=np.zeros((1, 3)), poses=poses * 2)
+
+
+def test_what_file_managers_leave_is_no_damage(tmp_path, scene):
+    store = filled_store(tmp_path, scene)
+    before = build_sample_table(store)
+    for pose in store.poses:
+        folder = store.pose_folder(pose)
+        (folder / ".DS_Store").write_bytes(b"Bud1")
+        (folder / "Thumbs.db").write_bytes(b"x")
+        for path in [path for path in folder.rglob("*") if path.is_file() and path.name[0] not in ".T"]:
+            (path.parent / f"._{path.name}").write_bytes(b"x")
+    assert {status.state for status in SimulationStore.open(tmp_path).statuses()} == {PoseState.DONE}
+    after = build_sample_table(SimulationStore.open(tmp_path))
+    np.testing.assert_array_equal(after.displacement, before.displacement)

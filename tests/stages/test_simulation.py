@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from mixpinn.base.config import build_config
-from mixpinn.base.errors import InputError
+from mixpinn.base.errors import InputError, SolveError
 from mixpinn.base.rundir import is_finished
 from mixpinn.dataset import PoseState, SimulationStore
 from mixpinn.records import TissueMesh
@@ -78,3 +78,13 @@ def test_probe_lies_beside_the_simulations(chain, mesh, config):
     store = SimulationStore.open(chain.simulation / "store", mesh=mesh)
     assert (store.folder / "probe.stl").is_file()
     assert store.scene["probe"] == make_scene(mesh, config).probe.hash()
+
+
+def test_simulations_of_which_no_step_converged_are_an_error(mesh, config, tmp_path):
+    hasty = replace(
+        config, protocol=replace(config.protocol, max_positions=1, steps=1),
+        solver=replace(config.solver, max_iterations=1),
+    )
+    with pytest.raises(SolveError, match=r"none of 1 steps converged") as caught:
+        make_simulations(mesh, hasty, out=tmp_path / "out")
+    assert len(str(caught.value).splitlines()) == 1
