@@ -11,7 +11,6 @@ import importlib
 import json
 import math
 import os
-import select
 import signal
 import subprocess
 import sys
@@ -65,21 +64,31 @@ def _ask(request: Mapping[str, Any], *, wait: float) -> dict[str, Any]:
     child = _running_child()
     assert child.stdin is not None
     assert child.stdout is not None
+    late = threading.Event()
+
+    def give_up() -> None:
+        late.set()
+        child.kill()
+
+    timer = threading.Timer(wait, give_up)
+    timer.daemon = True
+    timer.start()
     try:
         child.stdin.write(json.dumps(request).encode() + b"\n")
         child.stdin.flush()
-        ready = bool(select.select([child.stdout], [], [], wait)[0])
-        line = child.stdout.readline() if ready else b""
+        line = child.stdout.readline()
         if line.endswith(b"\n"):
             answer: dict[str, Any] = json.loads(line)
             return answer
     except (BrokenPipeError, ValueError):
-        ready = True
+        pass
     except BaseException:  # interrupted: its answer must not be taken for the next one
         _stop(child)
         raise
+    finally:
+        timer.cancel()
     _stop(child)
-    return {"error": _how_it_ended(child.returncode) if ready else f"no end of reading within {wait:.0f} s"}
+    return {"error": f"no end of reading within {wait:.0f} s" if late.is_set() else _how_it_ended(child.returncode)}
 
 
 def _running_child() -> "subprocess.Popen[bytes]":
