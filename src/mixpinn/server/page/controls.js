@@ -89,7 +89,7 @@ export function bindView(stage) {
 
   let shown = -1;
   stage.addEventListener("drawn", () => {
-    if (stage.range === shown || stage.colour === "none") return;
+    if (!stage.range || stage.range === shown || stage.colour === "none") return;
     shown = stage.range;
     at("legend-ticks").replaceChildren(...[0, 0.5, 1].map((share) => {
       const tick = document.createElement("span");

@@ -63,7 +63,10 @@ function start(scene) {
   });
   link.addEventListener("error", ({ detail }) => say(plain(detail)));
   setInterval(() => {
-    if (link.isOpen && link.owed > LATE) say("The server is connected but has not answered for some seconds: it may be busy.");
+    if (link.isOpen && link.owed > LATE) {
+      say("The server is connected but has not answered for some seconds. It may be busy; the very first answer of a "
+        + "new installation takes a while.");
+    }
     const { rate } = stage.pace, { answer } = stage;
     const facts = rate > 1 ? [`${rate} pictures/s`] : [];
     if (answer) facts.push(`answer in ${answer.solveMs.toFixed(0)} ms`);
