@@ -1,5 +1,6 @@
 """The verbs of live sessions: serve, view."""
 
+import contextlib
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -28,7 +29,8 @@ def serve(bundle: Bundle, port: Port = 8321, host: Host = "127.0.0.1", token: To
     def ready(server: "LiveServer") -> None:
         say(f"Serving {bundle} at {server.url} (interrupt to end)")
 
-    run(bundle, door, ready=ready)
+    with contextlib.suppress(KeyboardInterrupt):  # how a server ends
+        run(bundle, door, ready=ready)
 
 
 @app.command()
@@ -47,4 +49,5 @@ def view(
             warn(f"no browser was found; open {server.url} in one")
         say(f"{bundle} at {server.url} (interrupt to end)")
 
-    run(bundle, Door(port=port), ready=ready)
+    with contextlib.suppress(KeyboardInterrupt):
+        run(bundle, Door(port=port), ready=ready)
