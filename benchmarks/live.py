@@ -1,16 +1,17 @@
 """Live sessions as a client sees them: fields a second, delays, pictures of the page, memory of the server.
 
 ``python -m benchmarks.live BUNDLE`` starts ``mixpinn serve`` on two cores and drags the probe over the whole back for
-ten minutes (``--seconds``): lanes along z, the depth going up and down between 4 and 16 mm, turning slowly. Poses go out at
-``--rate`` a second whatever comes back. Every frame that comes names its pose; one that is older than one before it, or
-whose pose is not the one that was sent under its number, is counted as stale. Afterwards Chromium drags the probe over
-the page (``--page-seconds``), and many poses are answered at once in this process.
+ten minutes (``--seconds``): lanes along z, the depth going up and down between 4 and 16 mm, turning slowly. Poses go
+out at ``--rate`` a second whatever comes back. Every frame that comes names its pose; one that is older than one
+before it, or whose pose is not the one that was sent under its number, is counted as stale. Afterwards Chromium drags
+the probe over the page (``--page-seconds``), and many poses are answered at once in this process.
 
 The last line is a JSON object: ``fields_per_s`` that arrived; ``delay_ms_p50`` and ``delay_ms_p95`` from sending a pose
 to having its field; ``server_growth_mb`` of the server's memory from ten seconds after the start to the end;
 ``pictures_per_s`` and ``drag_to_picture_ms_p95`` from a probe that was moved on the page to the picture that shows its
 answer, ``external_requests`` beyond the server (null without Chromium or Playwright); ``poses_per_s`` of `press_many`.
-``stale``, ``refused``, ``not_converged``, ``cores`` and ``load`` say how it went.
+``stale``, ``refused``, ``not_converged``, ``behind_s`` (the client was late with its poses), ``server_cpu_ms``
+(processor time of the server for each field), ``cores`` and ``load`` say how it went.
 """
 
 import argparse
@@ -82,6 +83,12 @@ class Server:
         text = Path(f"/proc/{self.process.pid}/status").read_text()
         return int(re.search(r"VmRSS:\s+(\d+)", text).group(1)) / 1024.0  # type: ignore[union-attr]
 
+    @property
+    def cpu_seconds(self) -> float:
+        """Processor time of the process so far [s]."""
+        fields = Path(f"/proc/{self.process.pid}/stat").read_text().rsplit(")", 1)[1].split()
+        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
     def stop(self) -> None:
         """End it."""
         self.process.terminate()
@@ -123,7 +130,7 @@ def stream(server: Server, poses: list[ProbePose], rate: float) -> dict[str, Any
 
         thread = threading.Thread(target=receive)
         thread.start()
-        began = time.perf_counter()
+        began, worked = time.perf_counter(), server.cpu_seconds
         for k, message in enumerate(messages):
             ahead = began + k / rate - time.perf_counter()
             if ahead > 0.0:
@@ -133,12 +140,14 @@ def stream(server: Server, poses: list[ProbePose], rate: float) -> dict[str, Any
             if k % max(1, round(rate)) == 0 and k / rate >= min(_SETTLED, 0.2 * len(poses) / rate):
                 memory.append(server.memory_mb)
         elapsed = time.perf_counter() - began
+        behind, worked = elapsed - len(messages) / rate, server.cpu_seconds - worked
         time.sleep(0.5)
         done.set()
         thread.join()
     return {
         "fields_per_s": len(delays) / elapsed, "delay_ms_p50": float(np.percentile(delays, 50)),
-        "delay_ms_p95": float(np.percentile(delays, 95)), "server_growth_mb": max(memory) - memory[0], **wrong,
+        "delay_ms_p95": float(np.percentile(delays, 95)), "server_growth_mb": max(memory) - memory[0],
+        "behind_s": behind, "server_cpu_ms": 1e3 * worked / max(len(delays), 1), **wrong,
     }
 
 

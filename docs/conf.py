@@ -53,7 +53,7 @@ pyvista.BUILDING_GALLERY = True
 
 READING_ORDER = (
     "phantom", "own_anatomy", "own_probe", "own_tissue", "own_material", "own_network", "hybrid_model", "elastic_prior",
-    "contact_pressure", "energy_balance", "stretched_bar", "metrics",
+    "force_control", "learning_environment", "contact_pressure", "energy_balance", "stretched_bar", "metrics",
 )
 
 

@@ -2,6 +2,7 @@
 
 import asyncio
 import socket
+import sys
 import threading
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -15,6 +16,9 @@ from mixpinn.server.http_protocol import AbortableProtocol, guarded_protocol
 from mixpinn.server.limits import Limits
 from mixpinn.server.service import Service
 from mixpinn.serving.load import AnyPredictor, load_predictor
+
+_SWITCH = 0.0005
+"""Who waits for Python's lock gets it after this time [s]: messages must not wait for predictions."""
 
 
 class LiveServer:
@@ -66,9 +70,12 @@ class LiveServer:
 
     def run(self, ready: Callable[[], None] | None = None) -> None:
         """Serve until interrupted, in the main thread; or until `stop` is called, in another."""
+        before = sys.getswitchinterval()
+        sys.setswitchinterval(_SWITCH)
         try:
             asyncio.run(self._serve(ready))
         finally:
+            sys.setswitchinterval(before)
             self.service.close()
             self._socket.close()
 
