@@ -31,7 +31,7 @@ DEEPEST = 8.0
 class PressToForce(BASE):
     """Action: where to on the back, and how deep, each a change of at most 2 mm. Observation: place, depth, force."""
 
-    metadata = {"render_modes": []}
+    metadata = {"render_modes": []}  # noqa: RUF012 (as Gymnasium has it)
 
     def __init__(self, predictor, wanted=2.0, length=30):
         self.predictor, self.skin, self.wanted, self.length = predictor, SkinPlacement(predictor.pose), wanted, length
