@@ -29,9 +29,14 @@ class LiveClient:
         newest: the newest live answer, if there is one.
 
     Example:
-        >>> with connect("http://127.0.0.1:8321") as client:                            # doctest: +SKIP
-        ...     frame = client.press((10.0, 118.0, -20.0))
-        ...     print(frame.probes["force"], frame.trust.bound)
+        >>> from mixpinn.server.run import LiveServer
+        >>> from mixpinn.server.gate import Door
+        >>> from mixpinn.serving import load_predictor
+        >>> with LiveServer(load_predictor("runs/hybrid"), Door(port=0)) as server, connect(server.url) as client:
+        ...     high = client.scene["high"][1]
+        ...     frame = client.wait_for(client.touch((0.0, high, 0.0), depth=2.0))
+        >>> frame.probes["depth"].round(3).tolist()
+        [2.0]
     """
 
     def __init__(

@@ -42,9 +42,12 @@ class LiveSession:
         friction: whether friction remembers the way of the probes; may be changed at any time.
 
     Example:
-        >>> session = LiveSession.open("runs/hybrid")                                   # doctest: +SKIP
-        >>> pose = session.skin.place((10.0, 120.0, -20.0), depth=8.0)                  # doctest: +SKIP
-        >>> session.press(pose).answer.force                                            # doctest: +SKIP
+        >>> with LiveSession.open("runs/hybrid") as session:
+        ...     back = session.predictor.mesh.points[:, 1].max()
+        ...     pose = session.skin.place((0.0, back, 0.0), depth=2.0)
+        ...     found = session.press(pose, pose_id=7)
+        >>> found.pose_id, round(found.probes[0].depth, 3)
+        (7, 2.0)
     """
 
     def __init__(
