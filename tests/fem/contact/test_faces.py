@@ -3,7 +3,7 @@ import pytest
 
 from fem.block_mesh import block
 from mixpinn.fem import ContactConfig, SkinSurface
-from mixpinn.fem.contact.face_kernel import bounding_spheres, nearest_on_probe, nearest_within
+from mixpinn.fem.contact.face_kernel import bounding_capsules, nearest_on_probe, nearest_within
 from mixpinn.fem.contact.face_points import FacePoints
 from mixpinn.fem.contact.faces import FaceContactModel
 from mixpinn.geometry.probe_pose import ProbePose
@@ -136,14 +136,14 @@ def test_slip_is_carried_over_and_skin_beside_the_patch_is_seen():
     assert problem.tunnelled(x[patch.vertices] + np.array([0.0, 5.0, 0.0]))
 
 
-def test_spheres_pass_over_nothing_that_is_near():
+def test_capsules_pass_over_nothing_that_is_near():
     rng = np.random.default_rng(0)
-    corners, index = rng.uniform(0.0, 10.0, (30, 3)), rng.integers(0, 30, (60, 3))
+    corners, index = rng.uniform(0.0, 10.0, (30, 3)) * [1.0, 5.0, 1.0], rng.integers(0, 30, (60, 3))
     index = index[(index[:, 0] != index[:, 1]) & (index[:, 1] != index[:, 2]) & (index[:, 0] != index[:, 2])]
-    spheres, every = bounding_spheres(corners[index]), np.arange(len(index))
-    for point in rng.uniform(-4.0, 14.0, (300, 3)):
+    capsules, every = bounding_capsules(corners[index]), np.arange(len(index))
+    for point in rng.uniform(-4.0, 14.0, (300, 3)) * [1.0, 4.0, 1.0]:
         whole, some = nearest_on_probe(point, every, corners, index), nearest_within(
-            point, every, corners, index, spheres, 2.0,
+            point, every, corners, index, capsules, 2.0,
         )
         if whole[4] < 4.0:
             assert some == whole

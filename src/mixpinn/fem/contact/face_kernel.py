@@ -37,18 +37,21 @@ def nearest_on_probe(point, candidates, corners, probe_triangles):  # type: igno
 
 
 @numba.njit(cache=True)
-def nearest_within(point, candidates, corners, probe_triangles, spheres, cutoff):  # type: ignore[no-untyped-def]
+def nearest_within(point, candidates, corners, probe_triangles, capsules, cutoff):  # type: ignore[no-untyped-def]
     """`nearest_on_probe` for what lies within `cutoff`, where anything does.
 
-    A triangle whose sphere, row (x, y, z, radius) of `spheres` (t, 4), lies farther away than the nearest so far is
-    passed over.
+    A triangle whose capsule lies farther away than the nearest so far is passed over; see `bounding_capsules`.
     """
     best, wa, wb, wc, squared, feature, distance = -1, 0.0, 0.0, 0.0, np.inf, 0, cutoff
     for k in range(len(candidates)):
         t = candidates[k]
-        dx, dy, dz = point[0] - spheres[t, 0], point[1] - spheres[t, 1], point[2] - spheres[t, 2]
-        limit = spheres[t, 3] + distance
-        if dx * dx + dy * dy + dz * dz > limit * limit:
+        dx, dy, dz = point[0] - capsules[t, 0], point[1] - capsules[t, 1], point[2] - capsules[t, 2]
+        ax, ay, az, half = capsules[t, 3], capsules[t, 4], capsules[t, 5], capsules[t, 6]
+        along = dx * ax + dy * ay + dz * az
+        beyond = max(abs(along) - half, 0.0)
+        apart = dx * dx + dy * dy + dz * dz - along * along + beyond * beyond
+        limit = capsules[t, 7] + distance
+        if apart > limit * limit:
             continue
         a, b, c, s, f = nearest_on_triangle(
             point[0], point[1], point[2], corners[probe_triangles[t, 0]], corners[probe_triangles[t, 1]],
@@ -60,22 +63,33 @@ def nearest_within(point, candidates, corners, probe_triangles, spheres, cutoff)
     return best, wa, wb, wc, squared, feature
 
 
-def bounding_spheres(triangles: FloatArray) -> FloatArray:
-    """Centres and radii of spheres around triangles (t, 3, 3), shape (t, 4)."""
-    centre = triangles.mean(axis=1)
-    radius = np.linalg.norm(triangles - centre[:, None], axis=2).max(axis=1)
-    return np.column_stack([centre, radius * (1.0 + 1e-9)])
+def bounding_capsules(triangles: FloatArray) -> FloatArray:
+    """Capsules around triangles (t, 3, 3): all within a radius of a line segment along the longest edge, shape (t, 8).
+
+    A row holds the middle of the segment, its direction, half its length and the radius. Long thin triangles, of which
+    the side of a probe is made, fit closely.
+    """
+    edges = np.roll(triangles, -1, axis=1) - triangles
+    lengths = np.linalg.norm(edges, axis=2)
+    longest, every = lengths.argmax(axis=1), np.arange(len(triangles))
+    length = lengths[every, longest]
+    direction = edges[every, longest] / np.maximum(length, 1e-300)[:, None]
+    start, apex = triangles[every, longest], triangles[every, (longest + 2) % 3]
+    arm = apex - start
+    height = arm - np.einsum("tk,tk->t", arm, direction)[:, None] * direction
+    radius = 0.5 * np.linalg.norm(height, axis=1) * (1.0 + 1e-9) + 1e-9
+    return np.column_stack([start + 0.5 * length[:, None] * direction + 0.5 * height, direction, 0.5 * length, radius])
 
 
 @numba.njit(cache=True)
 def evaluate_faces(  # type: ignore[no-untyped-def]
-    x, nodes, weights, area, offsets, candidates, corners, probe_triangles, spheres, law, gap, anchored, anchor_normal,
+    x, nodes, weights, area, offsets, candidates, corners, probe_triangles, capsules, law, gap, anchored, anchor_normal,
     anchor_offset, exact,
 ):
     """Contact of placed probe corners with points of faces between skin vertices `x` (v, 3).
 
     `nodes` and `weights` (q, w) and `area` (q,) are those of the points, entries offsets[i]:offsets[i + 1] of
-    `candidates` the probe triangles that point i may touch, with `spheres` (t, 4) around them; `law` holds
+    `candidates` the probe triangles that point i may touch, with `capsules` (t, 8) around them; `law` holds
     stiffnesses per area. `anchor_offset` (q, 3) is the elastic slip at the start of the step less where the point's
     partner on the probe has gone since, so that e = offset + p. Without `exact` the stiffness lacks the curvature of
     d and the dependence of friction on the normal force, and is positive semi-definite.
@@ -101,7 +115,7 @@ def evaluate_faces(  # type: ignore[no-untyped-def]
             for r in range(3):
                 point[r] += weights[i, c] * x[nodes[i, c], r]
         t, wa, wb, wc, squared, feature = nearest_within(
-            point, candidates[offsets[i]:offsets[i + 1]], corners, probe_triangles, spheres, gap,
+            point, candidates[offsets[i]:offsets[i + 1]], corners, probe_triangles, capsules, gap,
         )
         if t < 0:
             continue

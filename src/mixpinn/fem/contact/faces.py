@@ -18,7 +18,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from mixpinn.base.arrays import BoolArray, FloatArray, IntArray
-from mixpinn.fem.contact.face_kernel import bounding_spheres, evaluate_faces, nearest_on_probe
+from mixpinn.fem.contact.face_kernel import bounding_capsules, evaluate_faces, nearest_on_probe
 from mixpinn.fem.contact.face_points import FacePoints
 from mixpinn.fem.contact.model import ContactConfig, ContactModel
 from mixpinn.fem.contact.problem import MARGIN, ContactForces
@@ -140,7 +140,7 @@ class FaceContactProblem:
         self.model, self.patch, self.pose = model, patch, pose
         points = model.points
         self._samples, self._corners = pose.place(model.probe.samples)[frame.samples], pose.place(model.probe.vertices)
-        self._spheres = bounding_spheres(self._corners[model.probe.surface.triangles])
+        self._capsules = bounding_capsules(self._corners[model.probe.surface.triangles])
         local = np.full(len(model.skin.nodes), -1, dtype=np.int64)
         local[patch.vertices] = np.arange(len(patch.vertices))
         inside = np.all(local[points.faces] >= 0, axis=1)
@@ -167,7 +167,7 @@ class FaceContactProblem:
         config = self.model.config
         energy, penetration, hits, gradient, stiffness, touched, force, slip = evaluate_faces(
             positions, self._nodes, self._weights, self._area, self._offsets, self._candidates, self._corners,
-            self.model.probe.surface.triangles, self._spheres, self._law, config.gap, self._anchored,
+            self.model.probe.surface.triangles, self._capsules, self._law, config.gap, self._anchored,
             self._anchor_normal, self._anchor_offset, exact,
         )
         pressed = self.patch.vertices[touched]

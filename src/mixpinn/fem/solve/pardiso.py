@@ -4,6 +4,7 @@ import ctypes
 import sys
 from dataclasses import dataclass, field
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,11 +21,17 @@ _POINTER = ctypes.POINTER(ctypes.c_int32)
 
 @cache
 def _library() -> Any:
-    """MKL as pypardiso finds it, which takes a second.
+    """MKL where packages for Python put it, else as pypardiso finds it, which takes a second.
 
     Raises:
         ImportError: no MKL for this platform.
     """
+    for pattern in ("lib/libmkl_rt.*", "Library/bin/mkl_rt*.dll"):
+        for path in sorted(Path(sys.prefix).glob(pattern)):
+            try:
+                return ctypes.CDLL(str(path))
+            except OSError:
+                continue
     import pypardiso
 
     return pypardiso.PyPardisoSolver().libmkl
