@@ -36,7 +36,8 @@ class GATNetwork(nn.Module):
     def forward(self, x: Tensor, topology: AttentionTopology, edge_features: Tensor | None = None) -> Tensor:
         """Node features, shape (B, N, F), and edge features, shape (E, 1 + K) → displacement, shape (B, N, 3)."""
         slots = None if edge_features is None else topology.slot_features(edge_features)
-        x = x[:, topology.order.to(x.device)]
+        order, position = topology.orders(x.device)
+        x = x[:, order]
         for layer in self.layers[:-1]:
             x = layer(x, topology, slots, relu=True, transient=True)
-        return self.layers[-1](x, topology, slots)[:, topology.position.to(x.device)]
+        return self.layers[-1](x, topology, slots)[:, position]

@@ -43,6 +43,7 @@ class AttentionTopology:
     edge_slot: Tensor
     loop_slot: Tensor
     _edges: dict[tuple[int, str], Tensor] = field(default_factory=dict, repr=False)
+    _orders: dict[str, tuple[Tensor, Tensor]] = field(default_factory=dict, repr=False)
 
     @property
     def n_nodes(self) -> int:
@@ -53,6 +54,13 @@ class AttentionTopology:
     def n_slots(self) -> int:
         """Number of slots S."""
         return len(self.sources)
+
+    def orders(self, device: torch.device) -> tuple[Tensor, Tensor]:
+        """`order` and `position` on a device; copied there once, since each copy waits for it."""
+        key = str(device)
+        if key not in self._orders:
+            self._orders[key] = self.order.to(device), self.position.to(device)
+        return self._orders[key]
 
     def edges(self, copies: int, device: torch.device) -> Tensor:
         """Source and target of the slots of `copies` disjoint copies of the graph, shape (2, copies · S)."""
