@@ -4,7 +4,8 @@
 90°, and reads force, vertebra motion and field at 5, 10, 15 and 20 mm. Each mesh is solved with linear and quadratic
 cells, and so is the same mesh with every edge halved (the same facets). The reference is the quadratic solution of the
 halved mesh, extrapolated; its uncertainty is stated. Every solve is kept in the cache (``MIXPINN_CACHE``), so that a
-run goes on where an earlier one ended; ``--minutes`` ends it after that time, and poses that are missing are left out.
+run goes on where an earlier one ended; a pose that was interrupted is pressed again, and the depths that it had reached
+count until then. ``--minutes`` ends a run after that time, and poses that are missing are left out.
 
 The last line is a JSON object. All figures are against the converged solution of the mesh's own geometry.
 """
@@ -13,7 +14,9 @@ import argparse
 import os
 import sys
 import time
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
 from itertools import product
 from pathlib import Path
 
@@ -35,10 +38,11 @@ import numpy as np  # noqa: E402
 from scipy.spatial.transform import Rotation  # noqa: E402
 
 from benchmarks import history  # noqa: E402
-from mixpinn.base.arrays import FloatArray  # noqa: E402
+from mixpinn.base.arrays import AnyArray, FloatArray  # noqa: E402
 from mixpinn.base.cache import cache_folder  # noqa: E402
 from mixpinn.base.files import atomic_path  # noqa: E402
 from mixpinn.fem import PAPER_TISSUE, PoseSimulator, Scene, SolverConfig  # noqa: E402
+from mixpinn.fem.solve.pose_simulator import Equilibrium  # noqa: E402
 from mixpinn.mesh import load_paper_mesh, refine  # noqa: E402
 from mixpinn.records import Probe, ProbePath, TissueMesh  # noqa: E402
 
@@ -60,7 +64,8 @@ class Press:
         translation: of each vertebra, at the centroid of its vertices in the mesh that was not halved [mm], (d, K, 3).
         field: displacement of the vertices of that mesh [mm], shape (d, n, 3).
         det_f: smallest at quadrature points, and at vertices, shape (d, 2).
-        seconds: of the whole pose [s].
+        seconds: so far [s].
+        ended: whether deeper ones were tried; a pose that was interrupted is pressed again.
     """
 
     force: FloatArray
@@ -68,36 +73,55 @@ class Press:
     field: FloatArray
     det_f: FloatArray
     seconds: float
+    ended: bool = False
+
+    @staticmethod
+    def empty(base: TissueMesh) -> "Press":
+        """No depth yet."""
+        k, n = base.n_parts, base.n_points
+        return Press(np.empty(0), np.empty((0, k, 3)), np.empty((0, n, 3)), np.empty((0, 2)), 0.0)
+
+    def deeper(
+        self, force: float, translation: FloatArray, field: AnyArray, det_f: tuple[float, float], seconds: float,
+    ) -> "Press":
+        """This, and one depth more."""
+        return Press(
+            np.append(self.force, force), np.concatenate([self.translation, translation[None]]),
+            np.concatenate([self.field, np.asarray(field, dtype=np.float64)[None]]),
+            np.concatenate([self.det_f, [det_f]]), seconds,
+        )
 
 
-def press(simulator: PoseSimulator, base: TissueMesh, pose: tuple[int, float]) -> Press:
-    """Press to 20 mm and read the depths; the solver divides the path into moves of 1.25 mm."""
+def press(
+    simulator: PoseSimulator, base: TissueMesh, pose: tuple[int, float], reached: Callable[[Press], None],
+) -> Press:
+    """Press to 20 mm and read the depths; the solver divides the path into moves of 1.25 mm.
+
+    `reached` is called with what there is so far at every depth but the last.
+    """
     place, rotation_deg = POSITIONS[pose[0]], pose[1]
-    depths = np.concatenate([[-5.0, 0.0], DEPTHS])
     turn = Rotation.from_euler("y", rotation_deg, degrees=True).as_matrix()
-    began = time.perf_counter()
-    lowest: list[tuple[float, float]] = []
-    system, measure = simulator.system, type(simulator.system).min_jacobian
-
-    def remember(state):  # type: ignore[no-untyped-def]  # once a recorded step
-        lowest.append((measure(system, state), float(system.vertex_jacobians(state).min())))
-        return lowest[-1][0]
-
-    system.min_jacobian = remember  # type: ignore[method-assign]
-    found = simulator.run(
-        ProbePath(place - depths[:, None] * [0.0, 1.0, 0.0], np.tile(turn, (len(depths), 1, 1)), depths),
-    )
-    steps = 2 + np.flatnonzero(found.converged[2:])
+    began, system = time.perf_counter(), simulator.system
     shift = np.array([
         base.points[base.part_nodes(k)].mean(axis=0) - system.mesh.points[system.mesh.part_nodes(k)].mean(axis=0)
         for k in range(1, base.n_parts + 1)
     ]).reshape(-1, 3)
-    turned = np.einsum("dkij,kj->dki", found.part_rotation[steps], shift) - shift
-    return Press(
-        found.probe_wrench[steps, 1], found.part_translation[steps] + turned,
-        found.displacement[steps][:, : base.n_points].astype(np.float64), np.array(lowest)[steps],
-        time.perf_counter() - began,
-    )
+    found = Press.empty(base)
+    last: Equilibrium | None = None
+    for depths in np.split(np.concatenate([[-5.0, 0.0], DEPTHS]), np.arange(3, 2 + len(DEPTHS))):
+        path = ProbePath(place - depths[:, None] * [0.0, 1.0, 0.0], np.tile(turn, (len(depths), 1, 1)), depths)
+        piece, last = simulator.follow(path, start=last)
+        if not piece.converged.all():
+            break
+        turned = np.einsum("kij,kj->ki", piece.part_rotation[-1], shift) - shift
+        state = last.balance.state
+        found = found.deeper(
+            piece.probe_wrench[-1, 1], piece.part_translation[-1] + turned, piece.displacement[-1][: base.n_points],
+            (system.min_jacobian(state), float(system.vertex_jacobians(state).min())), time.perf_counter() - began,
+        )
+        if len(found.force) < len(DEPTHS):
+            reached(found)
+    return replace(found, ended=True)
 
 
 def kept(path: Path) -> Press | None:
@@ -106,7 +130,7 @@ def kept(path: Path) -> Press | None:
         return None
     with np.load(path) as stored:
         return Press(**{name: stored[name] for name in ("force", "translation", "field", "det_f")},
-                     seconds=float(stored["seconds"]))
+                     seconds=float(stored["seconds"]), ended=bool(stored["ended"]))
 
 
 def keep(path: Path, found: Press) -> None:
@@ -129,9 +153,9 @@ def solve_all(base: TissueMesh, options: argparse.Namespace) -> dict[tuple[str, 
         for number in options.poses or range(len(POSES)):
             path = folder / f"pose_{number}.npz"
             result = kept(path)
-            if result is None and time.perf_counter() < deadline:
+            if (result is None or not result.ended) and time.perf_counter() < deadline:
                 simulator = simulator or PoseSimulator(scene)
-                result = press(simulator, base, POSES[number])
+                result = press(simulator, base, POSES[number], partial(keep, path))
                 keep(path, result)
             if result is not None:
                 found[level, number] = result
