@@ -32,7 +32,8 @@ from mixpinn.evaluation.evaluate import evaluate
 from mixpinn.graph import Scaling
 from mixpinn.networks import load_checkpoint, mesh_output
 from mixpinn.records import TissueMesh
-from mixpinn.stages.training import ModelsConfig, SplitConfig, choose_samples, load_samples, train_model
+from mixpinn.stages.samples import SplitConfig, choose_samples, load_samples
+from mixpinn.stages.training import ModelsConfig, train_model
 from mixpinn.training import TrainConfig
 
 ERRORS = ("mee", "rigid_mee", "soft_mee", "ree")

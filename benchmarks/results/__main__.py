@@ -11,6 +11,7 @@ from pathlib import Path
 
 from benchmarks.results.experiments import EXPERIMENTS
 from benchmarks.results.full_scale import FULL_SCALE
+from benchmarks.results.gpu import GPU
 from benchmarks.results.hybrid import HYBRID
 from benchmarks.results.hybrid import short as hybrid_short
 from benchmarks.results.pipeline_run import DEMO, PATIENT1, short, timing
@@ -22,7 +23,7 @@ from mixpinn.base.files import write_text
 from mixpinn.base.rundir import is_finished
 
 ROOT = Path(__file__).parents[2]
-SECTIONS: tuple[Section, ...] = (PATIENT1, DEMO, HYBRID, EXPERIMENTS, FULL_SCALE, PROFILE, PROTOCOL, SPEED)
+SECTIONS: tuple[Section, ...] = (PATIENT1, DEMO, HYBRID, EXPERIMENTS, FULL_SCALE, GPU, PROFILE, PROTOCOL, SPEED)
 """In the order of the page."""
 
 
@@ -55,8 +56,8 @@ def page(folder: Path) -> str:
     shown = {section: data for section, data in kept.items() if data is not None}
     return "\n".join([
         "# Results\n",
-        f"Written by `python -m benchmarks.results` from finished runs. Machine: {'; '.join(machines)}, no GPU. Errors "
-        "are in millimetres, over the samples of probe positions that no model has seen.\n",
+        f"Written by `python -m benchmarks.results` from finished runs. Machine: {'; '.join(machines)}, no GPU but "
+        "where one is named. Errors are in millimetres, over the samples of probe positions that no model has seen.\n",
         KINDS,
         *(page_text(section, data, folder.name) for section, data in shown.items()),
         "```{toctree}\n:hidden:\n\n" + "".join(f"{folder.name}/{section.name}\n" for section in shown) + "```\n",
