@@ -207,7 +207,10 @@ def report(found: dict[tuple[str, int], Press]) -> dict[str, object]:
             row = rows.setdefault(level, {})
             for key, value in values.items():
                 row[key] = max(row.get(key, 0.0), float(value))
-    return {"poses": len(poses), "rows": rows, "uncertainty": uncertain}
+    forces: dict[str, dict[int, list[float]]] = {}
+    for (level, number), one in sorted(found.items()):
+        forces.setdefault(level, {})[number] = one.force.tolist()
+    return {"poses": len(poses), "rows": rows, "uncertainty": uncertain, "forces": forces}
 
 
 def main(options: argparse.Namespace) -> None:

@@ -66,7 +66,7 @@ def render(data: Data) -> str:
 
 def brief(data: Data) -> str:
     """The section in short."""
-    lines = render(data).split("### Time\n")[0].rstrip() + "\n"
+    lines = render(data).split("### Rows 1")[0] + factors(data)
     mixpinn = next(one for one in data["times"] if (one["model"], one["batch"]) == ("row-10", 1))
     return lines + (
         f"\nMIXPINN takes {mixpinn['inference_ms']:.1f} ms a prediction and {mixpinn['training_ms']:.1f} ms a training "

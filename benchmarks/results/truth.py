@@ -1,0 +1,89 @@
+"""Section of the discretisations: forces with linear and quadratic cells, and how far they are from converged."""
+
+import json
+from pathlib import Path
+
+from benchmarks.results.section import Data, Section, table
+
+DEPTHS = ("5 mm", "10 mm", "15 mm", "20 mm")
+LEVELS = ("linear", "linear halved", "quadratic", "quadratic halved")
+POSES = tuple(f"({place}), {turn}°" for place in ("30, 133, −55", "50, 133, −15", "50, 133, 25") for turn in (0, 90))
+
+
+def collect(entries: list[str], images: Path) -> Data:
+    """From ``WORDS=FILE`` entries: the mesh in words, and what ``python -m benchmarks.truth`` printed for it."""
+    meshes = {}
+    for entry in entries:
+        words, _, path = entry.partition("=")
+        meshes[words] = json.loads(Path(path).read_text(encoding="utf-8").strip().splitlines()[-1])
+    return {"meshes": meshes}
+
+
+def forces(values: Data) -> str:
+    """Probe forces of every level and pose that were solved."""
+    rows = [
+        (POSES[int(number)], level, *(f"{force:.2f}" for force in (*reached, *[float("nan")] * 4)[:4]))
+        for number in map(str, range(len(POSES))) for level in LEVELS
+        for reached in [values["forces"].get(level, {}).get(number)] if reached
+    ]
+    text = table(("Position, rotation", "Cells", *DEPTHS), rows, numeric_from=2)
+    return text.replace("| nan ", "| – ")
+
+
+def errors(values: Data) -> str:
+    """Errors against the extrapolated solution, where there is one."""
+    if not values["rows"]:
+        return "No converged solution on these facets yet.\n"
+    rows = [
+        (level, f"{100 * row['force']:.1f}", f"{row['vertebra_mm']:.3f}", f"{row['field_mm']:.3f}")
+        for level in LEVELS for row in [values["rows"].get(level)] if row
+    ]
+    unsure = values["uncertainty"]
+    return (
+        f"Against the solution with {values['reference']}, over {values['poses']} pose(s) at the depths that the "
+        f"halved mesh reached; that solution is itself uncertain by {100 * unsure['force']:.1f} % of the force and "
+        f"{unsure['vertebra_mm']:.3f} mm of a vertebra's motion:\n\n"
+        + table(("Cells", "Force [%]", "Vertebra [mm]", "Field, mean [mm]"), rows)
+    )
+
+
+def render(data: Data) -> str:
+    """The section."""
+    lines = [
+        "## How far the solver is from the converged solution\n",
+        "Command: `python -m benchmarks.truth --mesh MESH` on patient1, tissue constants of the paper, forces in N; "
+        "*halved* is the same mesh with every edge halved, on the same facets. A dash is a depth that was not "
+        "reached.\n",
+    ]
+    for words, values in data["meshes"].items():
+        lines += [f"### {words}\n", errors(values), forces(values)]
+    return "\n".join(lines)
+
+
+def brief(data: Data) -> str:
+    """The section in short."""
+    lines = ["## How far the solver is from the converged solution\n"]
+    for words, values in data["meshes"].items():
+        ratios = [
+            a / b for number, linear in values["forces"].get("linear", {}).items()
+            for a, b in zip(linear, values["forces"].get("quadratic", {}).get(number, []), strict=False)
+        ]
+        if ratios:
+            lines.append(
+                f"- {words}: linear cells press back {min(ratios):.2f} to {max(ratios):.2f} times as hard as quadratic "
+                "ones on the same mesh."
+            )
+        if values["rows"]:
+            lines.append(
+                f"- {words}, against the extrapolated solution on these facets ({values['poses']} pose): force off by "
+                + ", ".join(f"{100 * values['rows'][level]['force']:.0f} % ({level})" for level in LEVELS
+                            if level in values["rows"])
+                + f"; that solution is uncertain by {100 * values['uncertainty']['force']:.0f} %."
+            )
+    return "\n".join(lines) + "\n"
+
+
+TRUTH = Section(
+    "truth", collect, render, brief=brief, kind="against the converged solution of the mesh's own geometry",
+    metavar="WORDS=FILE", help="output of benchmarks.truth for a mesh in words; repeatable", several=True,
+)
