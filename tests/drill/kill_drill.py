@@ -56,8 +56,14 @@ def start(verb: Verb, folder: Path) -> subprocess.Popen[bytes]:
     (folder / "tmp").mkdir(parents=True, exist_ok=True)
     return subprocess.Popen(
         verb.command(folder), start_new_session=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+        preexec_fn=hear_interrupts,
         env={**os.environ, "TMPDIR": str(folder / "tmp")},
     )
+
+
+def hear_interrupts() -> None:
+    """Ctrl-C is heard even where this drill runs in the background of a shell, which has it ignored."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 def finish(process: subprocess.Popen[bytes]) -> tuple[int, str, str]:

@@ -1,5 +1,6 @@
 """The command line: one verb a stage, each a few lines that call the stage's public function."""
 
+import atexit
 import contextlib
 import logging
 import signal
@@ -31,6 +32,7 @@ def main() -> None:
     _print_on_any_terminal()
     with contextlib.suppress(ValueError):  # not the main thread: whoever started it handles its signals
         signal.signal(signal.SIGTERM, _terminate)
+        atexit.register(_hear_no_more)
     try:
         _run()
     except KeyboardInterrupt:
@@ -70,6 +72,12 @@ def _application() -> Any:
 def _terminate(number: int, frame: FrameType | None) -> None:
     _stopped_by[0] = signal.Signals(number)
     raise KeyboardInterrupt
+
+
+def _hear_no_more() -> None:
+    """Everything is done by now, and Python would answer a signal by itself, with a traceback."""
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_IGN)
 
 
 def _print_on_any_terminal() -> None:
