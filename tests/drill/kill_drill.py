@@ -24,7 +24,7 @@ PATIENCE = 600.0
 """After which a command hangs [s], on a machine that is used by others, too."""
 SAID = "stopped; the same command goes on from here"
 _VOLATILE = re.compile(
-    r"second|minute|started|finished|command|version|time|_ms$|peak_mb|input_paths|attempts|platform"
+    r"second|minute|started|finished|command|version|time|_ms$|peak_mb|input_paths|attempts|platform|^sha256$"
 )
 _BYTES = {".safetensors", ".vtu", ".npy", ".gz", ".stl", ".py"}
 
