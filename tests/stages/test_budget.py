@@ -166,6 +166,17 @@ def test_the_larger_of_two_ends_counts(predictor):
     assert "1 of 2" in entry.note
 
 
+def test_changes_are_extrapolated_in_proportion(predictor):
+    base = Found(np.array([0.0, 10.0, 0.0]), np.zeros((2, 3)), np.zeros((1, 3)), True)
+    other = Found(np.array([0.0, 9.0, 0.0]), np.full((2, 3), 0.1), np.full((1, 3), 0.2), True)
+    more = other.extrapolated(base, 4.0)
+    np.testing.assert_allclose(more.force, [0.0, 6.0, 0.0])
+    np.testing.assert_allclose(more.translations, 0.4)
+    np.testing.assert_allclose(more.field, 0.8)
+    scales = {v.source: v.scale for v in variants(base_scene(predictor, CONFIG), CONFIG)}
+    assert (scales[PENALTY], scales[GAP], scales[FRICTION]) == pytest.approx((4.0 / 3.0, 4.0, 1.0))
+
+
 @pytest.mark.parametrize("change", [{"poses": 0}, {"depth": -1.0}, {"modulus": 1.0}, {"fixed": 0.0}])
 def test_settings_are_checked(change):
     with pytest.raises(InputError, match=f"budget.{next(iter(change))}"):

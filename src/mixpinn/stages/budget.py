@@ -69,7 +69,10 @@ def make_budget(
     entries = [entry_of(PREDICTOR, BudgetKind.ERROR, words, whole, [answers], predictor.mesh, planned=len(lines))]
     for source in dict.fromkeys(variant.source for variant in plan[1:]):
         of_source = [number for number, variant in enumerate(plan) if variant.source == source]
-        ends = [{i: solved[n, i] for i in kept if (n, i) in solved and solved[n, i].converged} for n in of_source]
+        ends = [{
+            i: solved[n, i].extrapolated(whole[i], plan[n].scale)
+            for i in kept if (n, i) in solved and solved[n, i].converged
+        } for n in of_source]
         words = f"{present(source, base)} → {', '.join(plan[number].value for number in of_source)}"
         kind = plan[of_source[0]].kind
         entries.append(entry_of(source, kind, words, whole, ends, predictor.mesh, planned=len(lines)))

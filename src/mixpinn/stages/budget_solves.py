@@ -76,6 +76,14 @@ class Found:
             answer.trust is None or answer.trust.converged,
         )
 
+    def extrapolated(self, base: "Found", scale: float) -> "Found":
+        """What a change `scale` times as large would do, if it does so in proportion: base + s (this − base)."""
+        return Found(
+            base.force + scale * (self.force - base.force),
+            base.translations + scale * (self.translations - base.translations),
+            base.field + scale * (self.field - base.field) if len(self.field) else self.field, self.converged,
+        )
+
     def save(self, path: Path) -> None:
         """Write as ``.npz``."""
         with atomic_path(path) as temporary, Path(temporary).open("wb") as file:

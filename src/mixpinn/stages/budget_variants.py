@@ -11,6 +11,7 @@ from mixpinn.base.sensible import require_settings
 from mixpinn.fem import Material, Scene, StableNeoHookean
 from mixpinn.fem.contact.model import ContactConfig
 from mixpinn.fem.solve.quasi_static import SolverConfig
+from mixpinn.geometry.probe_pose import PATH_STEP
 from mixpinn.mesh import FixedRegion, fixed_nodes, refine
 from mixpinn.records import TissueMesh
 from mixpinn.records.error_budget import BudgetKind
@@ -36,7 +37,7 @@ class BudgetConfig:
         finer: what the discretisation is held against; None: quadratic cells where the bundle's are linear, halved
             edges where they are quadratic already.
         stiffness_factor: of the penalty of contact, for its error.
-        gap_share: the gap at which contact acts is changed to this share of it, for its error.
+        gap_share: the gap at which contact acts is changed to this share of it, or as much wider, for its error.
         modulus: by what share the moduli of the tissues but the first are changed; of a single tissue, its own.
         poisson: by how much Poisson's ratio of every tissue is changed.
         friction: by how much Coulomb's coefficient is changed.
@@ -48,7 +49,7 @@ class BudgetConfig:
     depth: float = 10.0
     finer: Finer | None = None
     stiffness_factor: float = 4.0
-    gap_share: float = 0.5
+    gap_share: float = 0.75
     modulus: float = 0.2
     poisson: float = 0.03
     friction: float = 0.5
@@ -76,6 +77,7 @@ class Variant:
         value: what it is changed to, in words.
         scene: makes it; solved only where it is needed.
         same_vertices: whether its first vertices are those of the bundle's mesh.
+        scale: what its change is multiplied with, where it stands for a larger one.
     """
 
     source: str
@@ -83,6 +85,7 @@ class Variant:
     value: str
     scene: Callable[[], Scene]
     same_vertices: bool = True
+    scale: float = 1.0
 
 
 PENALTY, GAP, CELLS, FACETS = "contact penalty", "contact gap", "discretisation", "facets"
@@ -115,10 +118,20 @@ def variants(base: Scene, config: BudgetConfig, *, facets: TissueMesh | None = N
     """
     contact, error, unknown = base.contact, BudgetKind.ERROR, BudgetKind.SENSITIVITY
     stiffer = replace(contact, stiffness=config.stiffness_factor * contact.stiffness)
-    closer = replace(contact, gap=config.gap_share * contact.gap)
+    # With the gap of a path's step or less the first step would end under the skin: then a wider one.
+    share = config.gap_share if config.gap_share * contact.gap > 1.2 * PATH_STEP else 2.0 - config.gap_share
+    other = replace(contact, gap=share * contact.gap)
+    factor = config.stiffness_factor
     found = [
-        Variant(PENALTY, error, f"{stiffer.stiffness:g} N/mm", partial(replace, base, contact=stiffer)),
-        Variant(GAP, error, f"{closer.gap:g} mm", partial(replace, base, contact=closer)),
+        # What gives way is proportional to 1/k: from k to rigid it is κ/(κ − 1) of that from k to κ k.
+        Variant(
+            PENALTY, error, f"{stiffer.stiffness:g} N/mm, extrapolated to rigid",
+            partial(replace, base, contact=stiffer), scale=factor / (factor - 1.0),
+        ),
+        Variant(
+            GAP, error, f"{other.gap:g} mm, extrapolated to none", partial(replace, base, contact=other),
+            scale=1.0 / abs(1.0 - share),
+        ),
     ]
     for friction in (max(0.0, contact.friction - config.friction), contact.friction + config.friction):
         changed = partial(replace, base, contact=replace(contact, friction=friction))
@@ -140,7 +153,11 @@ def variants(base: Scene, config: BudgetConfig, *, facets: TissueMesh | None = N
         if mesh is not None:
             found.append(Variant(FIXED, unknown, f"{change:+g} mm", partial(replace, base, mesh=mesh)))
     finer = config.finer or (Finer.QUADRATIC if base.mesh.order == 1 else Finer.HALVED)
-    found.append(Variant(CELLS, error, finer.value, lambda: replace(base, mesh=_finer(base.mesh, finer))))
+    # Errors fall with the square of the width (see `benchmarks.truth`): 4/3 of what halving it changes is left.
+    found.append(Variant(
+        CELLS, error, f"{finer.value}{', extrapolated' if finer is Finer.HALVED else ''}",
+        lambda: replace(base, mesh=_finer(base.mesh, finer)), scale=4.0 / 3.0 if finer is Finer.HALVED else 1.0,
+    ))
     if facets is not None:
         of_facets = facets.with_order(base.mesh.order)
         found.append(Variant(
