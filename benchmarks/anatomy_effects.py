@@ -37,7 +37,7 @@ SHELL = 15.0
 """Thickness of the synthetic layer of fat [mm]."""
 COMPRESSION, SHEAR = (26.1e-3, 62.2e-3), (2.3e-3, 3.0e-3)
 """Young's moduli of fat and muscle [N/mm²]: from compression of the buttock, and three times shear moduli of MR
-elastography there (`mixpinn.stages.tissues` has sources and ranges)."""
+elastography there (`mixpinn.fem.material.tissue_presets` has sources and ranges)."""
 
 
 def with_shell(mesh: TissueMesh) -> TissueMesh:
