@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from scipy import ndimage
 
-from mixpinn.anatomy.bones import bones_among, choose_bones, one_sacrum
+from mixpinn.anatomy.bones import bones_among, choose_bones
 from mixpinn.anatomy.checks.numbering import check_numbering, look
 from mixpinn.anatomy.checks.sides import LANDMARKS, check_sides
 from mixpinn.anatomy.finding import Finding
@@ -74,7 +74,7 @@ def read_folder(
         rigid=tuple(structures[name] for name in selection.rigid if name in structures),
         affine=reference[1].affine, shape=_shape(reference[1]), notes=tuple(notes), targets=selection.targets,
     )
-    return one_sacrum(_on_common_grid(read, shapes))
+    return _on_common_grid(read, shapes)
 
 
 def read_multilabel(
@@ -138,7 +138,7 @@ def read_multilabel(
         affine=image.affine, shape=_shape(image), notes=(*image.notes, *doubts, *body_notes),
         targets=targets,
     )
-    return one_sacrum(_on_common_grid(read, [((0, 0, 0), _shape(image)), body_box]))
+    return _on_common_grid(read, [((0, 0, 0), _shape(image)), body_box])
 
 
 def _centres(structures: Mapping[str, Structure], affine: FloatArray) -> dict[str, FloatArray]:

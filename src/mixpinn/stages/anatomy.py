@@ -8,6 +8,7 @@ from typing import Literal, TypedDict
 
 import numpy as np
 
+from mixpinn.anatomy.bones import one_sacrum
 from mixpinn.anatomy.checks.labels import check
 from mixpinn.anatomy.checks.plausible import check_plausible
 from mixpinn.anatomy.crop import CROP_ABOVE, CROP_BELOW, crop, place_in_frame
@@ -195,7 +196,7 @@ def _read(config: AnatomyConfig) -> Segmentation:
 def _compute(config: AnatomyConfig) -> AnatomyResult:
     source, layers = split_layers(_read(config))
     require_sound(source.notes, accept=config.accept)
-    segmentation = crop(source, above=config.crop_above, below=config.crop_below)
+    segmentation = crop(one_sacrum(source), above=config.crop_above, below=config.crop_below)
     doubts = check_plausible(segmentation)
     require_sound([finding for finding in doubts if finding.kind == "scale"], accept=config.accept)
     findings = (*segmentation.notes, *doubts, *check(segmentation))
