@@ -58,6 +58,11 @@ def test_lost_short_and_unlisted_files_are_refused(toy):
         THING.check(toy)
 
 
+def test_a_folder_that_is_not_there_is_not_taken_for_an_old_one(tmp_path):
+    with pytest.raises(InputError, match="no such folder"):
+        THING.check(tmp_path / "elsewhere")
+
+
 def test_what_an_older_version_wrote_gets_one_line_with_the_remedy(toy):
     with pytest.raises(InputError, match="version 4, got a toy of version 3; ask for a new one"):
         Artefact("toy", 4, "ask for a new one").check(toy)

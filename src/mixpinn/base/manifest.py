@@ -97,6 +97,10 @@ class Artefact:
 
     def _entries(self, folder: Path) -> dict[str, dict[str, Any]]:
         path = folder / self.manifest
+        if not folder.is_dir():
+            raise InputError(
+                str(folder), expected=f"the folder of a {self.kind}", got="no such folder", fix="check the path",
+            )
         if not path.is_file():
             raise InputError(
                 str(path), expected=f"the manifest of a {self.kind}",
