@@ -16,7 +16,7 @@ from mixpinn.server.gate import Door
 from mixpinn.server.run import LiveServer
 from mixpinn.serving import HybridPredictor
 from server.page.screen import Screen
-from serving.live.pressed import block_predictor
+from serving.live.pressed import UP, block_predictor
 
 _NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
 # No graphics card and no window; the sandbox needs rights that containers do not give.
@@ -33,7 +33,11 @@ def predictor() -> HybridPredictor:
     law = PoseErrorLaw(coefficients, np.array([2.0, 2.5, 2.2]), 0.95)
     ball = bare.pose.contact.field(spherical_probe(radius=7.0, subdivisions=3))
     pose = replace(bare.pose, probes=(ball,), domain=PoseDomain.of_mesh(bare.mesh, deepest=8.0), error=law)
-    return HybridPredictor(replace(bare.model, name="block"), pose=pose)
+    predictor = HybridPredictor(replace(bare.model, name="block"), pose=pose)
+    # Kernels are compiled here, and not while a page waits for an answer.
+    touching = [20.0, UP - 1.0, 20.0]
+    predictor.press([touching, [20.0, UP + 20.0, 30.0]], history=predictor.press([touching, touching]).history)
+    return predictor
 
 
 @pytest.fixture(scope="module")

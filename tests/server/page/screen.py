@@ -42,9 +42,9 @@ class Screen:
 
     def settle(self) -> None:
         """Wait until the page shows the answer to the newest pose."""
-        self.page.wait_for_function(_SETTLED, timeout=30_000)
+        self.page.wait_for_function(_SETTLED, timeout=60_000)
 
-    def wait(self, expression: str, seconds: float = 30.0) -> None:
+    def wait(self, expression: str, seconds: float = 60.0) -> None:
         """Until a JavaScript expression is true; `m` as in `value`."""
         # A function: the page's own rules forbid evaluating text.
         condition = f"() => {{ const m = window.mixpinn; return {expression}; }}"
