@@ -174,9 +174,13 @@ def _same(first: Path, second: Path, name: str) -> bool:
     # Sums of the linear algebra depend on where arrays lie in memory, in the last digits.
     return one.keys() == other.keys() and all(
         array.shape == other[key].shape
-        and np.allclose(array, other[key], rtol=0.0, atol=1e-9 * max(1e-300, float(np.abs(array).max(initial=0.0))))
+        and np.allclose(array, other[key], rtol=0.0, atol=1e-9 * _largest(array), equal_nan=True)
         for key, array in one.items()
     )
+
+
+def _largest(array: Any) -> float:
+    return float(np.abs(array[np.isfinite(array)]).max(initial=0.0))
 
 
 def _content(root: Path, name: str) -> Any:
