@@ -9,8 +9,8 @@ from mixpinn.records.answer import Answer
 def error_field(answer: Answer) -> FloatArray | None:
     """Expected Euclidean error of each node [mm], shape (n,); None where the bundle knows no errors.
 
-    The bundle knows the mean error that is to be expected, ê. Most of it comes from the force of contact and is spread
-    as the displacement is, so that node i is given e_i = ê |u_i| / mean |u|: its mean is ê.
+    The bundle knows the mean error that is to be expected, ê, and not where it lies. It is spread as the displacement
+    is, e_i = ê |u_i| / mean |u|, whose mean is ê: what moves far is likely to err more. Only the mean is calibrated.
     """
     if answer.trust is None or answer.trust.expected is None:
         return None
