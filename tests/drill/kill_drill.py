@@ -25,7 +25,7 @@ PATIENCE = 600.0
 """After which a command hangs [s], on a machine that is used by others, too."""
 SAID = "stopped; the same command goes on from here"
 _VOLATILE = re.compile(
-    r"second|minute|started|finished|command|version|time|_ms$|peak_mb|input_paths|attempts|platform|^sha256$|^headline$"
+    r"second|minute|started|finished|command|version|time|_ms$|peak_mb|input_paths|attempts|platform|^sha256$|^inputs$|^headline$"
 )
 _BYTES = {".vtu", ".npy", ".gz", ".stl", ".py"}
 
@@ -185,6 +185,8 @@ def _largest(array: Any) -> float:
 
 def _content(root: Path, name: str) -> Any:
     path = root / name
+    if path.name == "stage_seconds.json":
+        return None
     if path.suffix == ".json" and path.name not in ("manifest.json",) and not path.name.endswith(".manifest.json"):
         return _plain(json.loads(path.read_text().replace(str(root), "OUT")))
     if path.suffix in _BYTES:
