@@ -13,9 +13,10 @@ from mixpinn.records.answer import Motion
 
 def motions_of_twists(mesh: TissueMesh, twists: FloatArray) -> dict[str, Motion]:
     """Motions from translations of the centroids [mm] and rotation vectors [rad] of all parts, shape (K, 6)."""
+    values = np.asarray(twists, dtype=np.float64).reshape(-1, 6)
     return {
-        name: Motion(twist[:3], twist[3:], rotation_from_vector(twist[3:]))
-        for name, twist in zip(mesh.rigid_names, np.asarray(twists, dtype=np.float64), strict=True)
+        name: Motion(twist[:3], twist[3:], rotation)
+        for name, twist, rotation in zip(mesh.rigid_names, values, rotation_from_vector(values[:, 3:]), strict=True)
     }
 
 
