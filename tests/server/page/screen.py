@@ -7,10 +7,10 @@ import numpy as np
 
 from mixpinn.base.arrays import FloatArray
 
-# The newest pose has been answered, and the numbers are those of the answer.
+# The newest pose has been answered, picture and numbers are those of the answer.
 _SETTLED = """() => {
   const m = window.mixpinn;
-  return Boolean(m?.stage.answer) && !m.link.waiting.size && m.link.nextId > 1
+  return Boolean(m?.stage.answer) && !m.stage.pace.pending && !m.link.waiting.size && m.link.nextId > 1
     && Math.max(...m.stage.answer.probes.map((probe) => probe.poseId)) === m.link.nextId - 1
     && Number(document.getElementById("force").dataset.sequence) === m.stage.answer.sequence;
 }"""
