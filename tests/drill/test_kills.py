@@ -62,7 +62,7 @@ def verbs(chain, tmp_path_factory):
         "onboard": ["onboard", "phantom", "--config", settings("onboard", onboarding), "--no-pictures"],
         "ablate": [
             "ablate", store, "--protocol", "desk", "--workers", "2", "--config",
-            settings("ablate", ABLATE | {"timeout": TIMEOUT}),
+            settings("ablate", ABLATE | {"timeout": 5.0 * TIMEOUT}),
         ],
         "profile": ["profile", str(chain.mesh), "--config", settings("profile", profile)],
         "export-sofa": ["export", "sofa", str(chain.mesh), "--config", settings("export", SIMULATION)],
