@@ -21,6 +21,7 @@ from mixpinn.networks import build_graph_for, build_model, load_checkpoint, save
 from mixpinn.networks.checkpoint import NETWORK
 from mixpinn.pipeline import onboarding, run
 from mixpinn.records import LabelMap
+from mixpinn.records.joint_frame import JOINTS_FILE, save_joint_frames
 from mixpinn.records.label_map import label_map_files
 from mixpinn.reduced.error_estimate import ErrorEstimate
 from mixpinn.stages import anatomy
@@ -38,6 +39,7 @@ def write_mesh(folder: Path) -> None:
     write_json(folder / "quality.json", mesh_quality(mesh))
     write_json(folder / "fidelity.json", MeshFidelity((StructureFidelity("body", 0.9, 1.0, 0.1),)))
     write_text(folder / "statistics.md", "")
+    save_joint_frames([], folder / JOINTS_FILE)
     MESH_RUN.seal(folder, MESH_RUN_FILES)
 
 
