@@ -46,11 +46,11 @@ function start(scene) {
   });
   link.addEventListener("answer", ({ detail: answer }) => {
     if (comparison.take(answer)) return;
-    stage.show(answer);
+    stage.show(answer); // the numbers follow with the picture: one change of the page costs less than two
     at("colour").querySelector("[value=error]").disabled = !answer.errors;
-    results.show(answer);
     say("");
   });
+  stage.addEventListener("drawn", () => stage.answer && results.show(stage.answer));
   link.addEventListener("open", () => {
     tell("open", "Connected");
     say("");

@@ -1,8 +1,8 @@
 // When to draw, and how finely: pictures are drawn when something changed, coarser where the machine cannot keep up.
 
-const SLOW = 62, FAST = 28; // milliseconds between pictures
+const SLOW = 62, FAST = 28; // milliseconds until the browser takes the next picture
 const COARSEST = 0.5;
-const REST = 250; // milliseconds without a change after which the picture is drawn at its finest
+const REST = 400; // milliseconds without a change after which the picture is drawn at its finest
 
 export class Pace {
   /** @param {(scale: number) => void} draw paints one picture with so many device pixels to a CSS pixel */
@@ -22,17 +22,20 @@ export class Pace {
     this.pending = true;
     requestAnimationFrame((now) => {
       this.pending = false;
-      this.#measure(now);
+      this.times.push(now);
+      if (this.times.length > 150) this.times.shift();
       this.draw(this.scale);
+      // The next frame comes when this one is done: what lies between tells the cost, however seldom answers come.
+      requestAnimationFrame((next) => this.#measure(next - now));
       clearTimeout(this.timer);
       // A still picture is seen for long: half as many pixels again each way smooth its edges.
       this.timer = setTimeout(() => requestAnimationFrame(() => this.pending || this.draw(this.still)), REST);
     });
   }
 
-  /** Pixels of a still picture; a machine that is slow at drawing gets fewer. */
+  /** Fineness of a still picture; a machine that is slow at drawing is spared. */
   get still() {
-    return this.interval > SLOW ? this.fine : Math.min(1.5 * this.fine, 2.5);
+    return this.scale < this.fine ? this.fine : Math.min(1.5 * this.fine, 2.5);
   }
 
   /** Pictures of the last second. */
@@ -41,12 +44,8 @@ export class Pace {
     return this.times.filter((time) => now - time < 1000).length;
   }
 
-  #measure(now) {
-    const last = this.times.at(-1);
-    this.times.push(now);
-    if (this.times.length > 150) this.times.shift();
-    if (last === undefined || now - last > 300) return; // a pause, not slowness
-    this.interval += 0.15 * (now - last - this.interval);
+  #measure(cost) {
+    this.interval += 0.25 * (Math.min(cost, 500) - this.interval);
     if (this.interval > SLOW && this.scale > COARSEST) {
       this.scale = Math.max(COARSEST, 0.8 * this.scale);
       this.interval = (SLOW + FAST) / 2;

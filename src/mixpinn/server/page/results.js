@@ -14,6 +14,8 @@ export class Results {
     this.probes = probes;
     this.end = 10; // of the gauge [N]
     this.written = 0;
+    this.shown = null; // whose numbers stand there, and of which probe
+    this.active = 0;
     this.timer = 0;
     this.rows = scene.parts.map(({ name, label, colour }) => {
       const row = at("motions").insertRow(), dot = document.createElement("i");
@@ -26,6 +28,7 @@ export class Results {
 
   /** Show an answer, at once or when the last one has been readable for a moment. */
   show(answer) {
+    if (answer === this.shown && this.active === this.probes.active) return;
     clearTimeout(this.timer);
     const wait = this.written + EVERY - performance.now();
     if (wait <= 0) this.#write(answer);
@@ -34,6 +37,8 @@ export class Results {
 
   #write(answer) {
     this.written = performance.now();
+    this.shown = answer;
+    this.active = this.probes.active;
     const own = answer.probes.find((one) => one.index === this.probes.active);
     const other = answer.probes.find((one) => one.index !== this.probes.active);
     const force = own ? length(own.force) : 0;
