@@ -12,8 +12,7 @@ from mixpinn.base import manifest
 from mixpinn.base.config import build_config
 from mixpinn.base.errors import InputError
 from mixpinn.base.files import hash_arrays
-from mixpinn.dataset import SimulationStore, summarise
-from mixpinn.dataset.sample_table import build_sample_table
+from mixpinn.dataset import SimulationStore
 from mixpinn.records import LabelMap
 from mixpinn.serving import load_predictor
 from mixpinn.stages.anatomy import AnatomyConfig, make_anatomy
@@ -23,6 +22,7 @@ from pipeline.chain import ANATOMY, MESH
 from stages.test_seal import bundle  # noqa: F401 (a fixture)
 
 MANY, FEW = 200, 2
+KINDS = ("bundle", "network", "labels", "anatomy", "mesh", "mesh run", "store", "simulation", "cache")
 
 
 @dataclass(frozen=True)
@@ -68,16 +68,22 @@ def mesh_of(folder):
     return result.mesh.hash(), result.mesh.rigid_names, result.mesh.doubts, measured
 
 
-def simulated(folder):
-    """All that the verbs which follow take from a store."""
+def scene_of(folder):
+    """What the verbs that follow take from a store besides its simulations."""
     store = SimulationStore.open(folder)
-    table = build_sample_table(store)
-    arrays = [value for value in vars(table).values() if isinstance(value, np.ndarray)]
     probe = store.probe()
     return (
-        hash_arrays(*arrays), str(summarise(store)), store.mesh().hash(), probe and probe.hash(), store.materials(),
-        store.contact(), [pose.name for pose in store.poses],
+        store.identity, store.mesh().hash(), probe and probe.hash(), store.materials(), store.contact(),
+        [pose.name for pose in store.poses], store.positions.tolist(), store.discretisation,
     )
+
+
+def pose_of(folder):
+    """What they take from one pose of it."""
+    store = SimulationStore.open(folder)
+    status, simulation = store.status(store.poses[0]), store.load(store.poses[0])
+    arrays = simulation.arrays()
+    return str(status), hash_arrays(*(arrays[name] for name in sorted(arrays))), str(vars(simulation)["rotation_deg"])
 
 
 @pytest.fixture
@@ -108,10 +114,13 @@ def artefact(chain, bundle, tmp_path, monkeypatch):  # noqa: F811
             chain.mesh, lambda folder: str(make_mesh(labels, build_config(MeshConfig, MESH), out=folder).quality),
             ("run.json",),
         ),
-        "store": Artefact(chain.simulation / "store", simulated, (
-            "store.json", "mesh.vtu", "probe.stl", "manifest.json", f"status/{name}.json", f"{name}/zarr.json",
-            f"{name}/displacement/zarr.json", f"{name}/displacement/c/*/0/0", f"{name}/contact_nodes/c/0",
-            f"{name}/contact_offsets/c/0", f"{name}/probe_wrench/c/0/0", f"{name}/converged/c/0",
+        "store": Artefact(chain.simulation / "store", scene_of, (
+            "store.json", "mesh.vtu", "probe.stl", "manifest.json",
+        )),
+        "simulation": Artefact(chain.simulation / "store", pose_of, (
+            f"status/{name}.json", f"{name}/zarr.json", f"{name}/displacement/zarr.json",
+            f"{name}/displacement/c/*/0/0", f"{name}/contact_nodes/c/0", f"{name}/contact_offsets/c/0",
+            f"{name}/probe_wrench/c/0/0", f"{name}/converged/c/0",
         )),
         "cache": Artefact(tmp_path / "cache", prior_of, (
             "prior/*/prior.json", "prior/*/compliance.npy", "prior/*/manifest.json",
@@ -141,7 +150,7 @@ def said(work, folder):
     return None
 
 
-@pytest.mark.parametrize("kind", ["bundle", "network", "labels", "anatomy", "mesh", "mesh run", "store", "cache"])
+@pytest.mark.parametrize("kind", KINDS)
 def test_any_bit(artefact, kind, drill):
     copy = artefact(kind)
     sound = said(copy.answer, copy.folder)

@@ -58,7 +58,7 @@ def checked_record(kind: type[R], values: Any, where: str, *, remake: str, finit
     except ValueError as error:
         raise InputError(where, expected="finite numbers", got="NaN or infinity", fix=remake) from error
     try:
-        return TypeAdapter(kind).validate_json(text, strict=True)
+        checked: R = _adapter(kind).validate_json(text, strict=True)
     except ValidationError as error:
         first = error.errors()[0]
         place = ".".join(str(part) for part in first["loc"])
@@ -66,6 +66,17 @@ def checked_record(kind: type[R], values: Any, where: str, *, remake: str, finit
             f"{where}: {place}" if place else where, expected=first["msg"].removeprefix("Input should be "),
             got=_short(first.get("input")), fix=remake,
         ) from error
+    return checked
+
+
+_adapters: dict[Any, "TypeAdapter[Any]"] = {}
+"""The checks of a type; they take longer to make than to do, and a store has hundreds of records of one kind."""
+
+
+def _adapter(kind: Any) -> "TypeAdapter[Any]":
+    if kind not in _adapters:
+        _adapters[kind] = TypeAdapter(kind)
+    return _adapters[kind]
 
 
 @dataclass(frozen=True)
