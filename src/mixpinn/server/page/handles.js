@@ -1,7 +1,7 @@
 // The two handles at the active probe: one to turn it about its axis, one to tilt it. They are buttons, so that Tab
 // reaches them and arrow keys move them.
 
-import { cross, dot, normalize, scale, subtract, turn } from "./linear.js";
+import { along, cross, dot, normalize, scale, subtract, turn } from "./linear.js";
 import { onPlane } from "./pointer.js";
 
 const RING = 40; // points of the drawn circle
@@ -28,8 +28,7 @@ export class Handles {
       probes.set({ turn: start.turn + angle - start.angle });
     });
     this.#drag(this.tilt, (ray, probe) => {
-      const place = onPlane(ray, this.#at(probe, [0, this.height, 0]), stage.camera.back);
-      if (place) probes.tiltTowards(probe.tip, place);
+      probes.tiltTowards(probe.tip, onSphere(ray, probe.tip, this.height));
     });
     this.#keys(this.spin, { ArrowLeft: ["turn", -5], ArrowRight: ["turn", 5] });
     this.#keys(this.tilt, {
@@ -138,6 +137,13 @@ export class Handles {
       `<path class="head" d="M${to.x.toFixed(1)} ${to.y.toFixed(1)}L${corner(1)}L${corner(-1)}Z"/>`,
     ];
   }
+}
+
+/** Where a ray first meets the sphere on which the handle goes; beside it the nearest place on the ray. */
+function onSphere({ origin, direction }, centre, radius) {
+  const away = subtract(origin, centre), middle = dot(away, direction);
+  const inside = middle * middle - dot(away, away) + radius * radius;
+  return along(origin, direction, -middle - Math.sqrt(Math.max(inside, 0)));
 }
 
 function extent(points) {
