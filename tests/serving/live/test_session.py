@@ -123,6 +123,30 @@ def test_a_pose_without_sense_is_refused_and_the_next_one_answered(pressing) -> 
         assert session.press(above()).answer.trust.converged
 
 
+def test_an_unforeseen_error_is_told_and_the_session_goes_on(pressing, monkeypatch, caplog) -> None:
+    with LiveSession(pressing) as session:
+        with monkeypatch.context() as broken:
+            broken.setattr(session, "_ask", lambda probes, history: 1 / 0)
+            with pytest.raises(InputError, match="ZeroDivisionError"):
+                session.press(above(depth=4.0))
+        assert "could not be answered" in caplog.text
+        found = session.press(above(depth=4.0))
+    assert_array_equal(found.answer.displacement, pressing.press(above(depth=4.0).translation).displacement)
+
+
+def test_a_listener_that_fails_silences_nobody(pressing) -> None:
+    def fail(found: LiveAnswer | Refusal) -> None:
+        raise RuntimeError("a listener's own fault")
+
+    worker = PressWorker()
+    with LiveSession(pressing, worker=worker) as first, LiveSession(pressing, worker=worker) as second:
+        first.listen(fail)
+        first.move(above(depth=4.0))
+        found = second.press(above(depth=4.0))
+    worker.close()
+    assert_array_equal(found.answer.displacement, pressing.press(above(depth=4.0).translation).displacement)
+
+
 def test_without_a_probe_nothing_moves(pressing) -> None:
     heard = []
     with LiveSession(pressing) as session:

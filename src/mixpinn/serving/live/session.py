@@ -1,5 +1,6 @@
 """LiveSession: a body under probes that move; the newest poses are answered, older ones are passed over."""
 
+import logging
 import threading
 import time
 from collections.abc import Callable
@@ -23,11 +24,24 @@ from mixpinn.serving.live.worker import PressWorker
 from mixpinn.serving.load import AnyPredictor, load_predictor
 from mixpinn.serving.motions import motion_matrices
 
+logger = logging.getLogger(__name__)
+
 Listener = Callable[[LiveAnswer | Refusal], None]
 MOST_PROBES = 4
 """Probes of one session."""
 _JUMP, _TURN = 20.0, 20.0
 """Friction forgets the way where a probe jumps by more than this [mm] or turns by more than this [degree] at once."""
+
+
+def _as_refusal(error: Exception) -> InputError:
+    """What a client is told: a mistake of the input as it is, another error by its kind, its traceback in the log."""
+    if isinstance(error, InputError):
+        return error
+    logger.error("a pose could not be answered", exc_info=error)
+    return InputError(
+        "answer", expected="a pose that can be answered", got=f"{type(error).__name__}: {error}",
+        fix="press elsewhere, and report this with the server's log",
+    )
 
 
 class LiveSession:
@@ -220,9 +234,9 @@ class LiveSession:
         found: LiveAnswer | Refusal
         try:
             found = self._answer(probes, sequence)
-        except InputError as error:
-            newest = max(probes, key=lambda probe: probe.asked)
-            self._history, found = None, Refusal(newest.pose_id, error)
+        except Exception as error:  # an error that nobody foresaw must not end the thread that serves all others
+            newest = max(probes, key=lambda probe: probe.asked, default=None)
+            self._history, found = None, Refusal(0 if newest is None else newest.pose_id, _as_refusal(error))
         self._deliver(found, max((probe.asked for probe in probes), default=time.perf_counter()))
         with self._changed:
             return self._dirty and not self._closed

@@ -1,8 +1,11 @@
 """PressWorker: threads that answer sessions in turn, each session's newest poses and nothing older."""
 
+import logging
 import threading
 from collections import deque
 from typing import Protocol
+
+logger = logging.getLogger(__name__)
 
 
 class Waiting(Protocol):
@@ -70,6 +73,8 @@ class PressWorker:
             more = False
             try:
                 more = session.take_turn()
+            except Exception:  # one session's fault, a listener's say, is not to silence all others
+                logger.exception("a live session failed to take its turn")
             finally:
                 with self._changed:
                     if (more or id(session) in self._again) and not self._closed:
