@@ -23,6 +23,7 @@ if __name__ == "__main__":
 import numpy as np
 from scipy import spatial
 
+from benchmarks.history import report
 from mixpinn.base.cache import cache_folder
 from mixpinn.base.files import atomic_path, write_json, write_text
 from mixpinn.fem import PAPER_TISSUE, PoseSimulator, Scene, StableNeoHookean
@@ -134,6 +135,10 @@ def main() -> None:
         record = {"discretisation": discretisation_of(mesh), "rows": entries}
         write_json(options.results / "anatomy-effects.json", record)
         write_text(options.results / "anatomy-effects.md", HEAD + page)
+    report("anatomy_effects", {
+        f"{entry['setup']}, x {entry['position'][0]:g}, z {entry['position'][2]:g}, force at 20 mm": entry["force"][-1]
+        for entry in entries
+    })
 
 
 HEAD = """# What joints, supports and layers do

@@ -33,5 +33,5 @@ def test_view_serves_the_page_until_it_is_interrupted(bundle) -> None:
         with urllib.request.urlopen(f"{address}main.js") as script:
             assert script.headers["content-type"].startswith("text/javascript")
         running.terminate()
-    assert running.returncode == 128 + 15
+    assert running.returncode == 0  # being told to end is how a server ends
 

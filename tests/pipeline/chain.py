@@ -18,7 +18,7 @@ from mixpinn.cli import main
 ANATOMY = {"source": "phantom", "phantom": asdict(TINY_PHANTOM)}
 MESH = {"size": 4.0}
 SIMULATION = {
-    "workers": 1,
+    "workers": 1, "joints": "none",
     "protocol": {
         "rotations": [0.0], "approach": 0.5, "step": 1.0, "steps": 3, "start": "touch", "max_positions": 6,
     },

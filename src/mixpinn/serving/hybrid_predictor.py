@@ -1,5 +1,6 @@
 """HybridPredictor: a predictor bundle loaded once, with error estimates and refinement by the true solver."""
 
+import contextlib
 import time
 from collections.abc import Sequence
 from functools import cached_property
@@ -78,7 +79,9 @@ class HybridPredictor:
         if warm_up:
             predictor.predict(model.prior.nodes[:2], np.tile([0.0, -0.1, 0.0], (2, 1)))
             if pose is not None:
-                predictor.press(model.mesh.node_points[model.prior.nodes].max(axis=0))
+                back = model.mesh.node_points[model.prior.nodes]
+                with contextlib.suppress(InputError):  # where it touches, so that the kernels of contact are compiled
+                    predictor.press(back[back[:, 1].argmax()] - [0.0, 1.0, 0.0])
         predictor.loading_seconds = time.perf_counter() - began
         return predictor
 

@@ -70,7 +70,12 @@ def test_truncated_before_compression(tmp_path):
     refuses(tmp_path / "b.nii.gz", "damaged")
 
 
-@pytest.mark.parametrize("content", [b"", b"no image at all", bytes(2000), gzip.compress(b"text", mtime=0)])
+def test_an_empty_file_is_called_so(tmp_path):
+    (tmp_path / "a.nii.gz").touch()
+    refuses(tmp_path / "a.nii.gz", "an empty file")
+
+
+@pytest.mark.parametrize("content", [b"no image at all", bytes(2000), gzip.compress(b"text", mtime=0)])
 def test_not_a_nifti(tmp_path, content):
     (tmp_path / "a.nii.gz").write_bytes(content)
     refuses(tmp_path / "a.nii.gz", "another kind of file")

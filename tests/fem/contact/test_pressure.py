@@ -64,7 +64,7 @@ def test_area_of_a_smaller_plate_on_a_coarse_skin(simulation):
 
 
 def test_refuses_another_mesh_and_another_step(simulation):
-    with pytest.raises(InputError, match="this mesh"):
+    with pytest.raises(InputError, match="another mesh"):
         contact_pressure(replace(MESH, points=MESH.points + 1.0), simulation, 2)
     with pytest.raises(InputError, match="from 0 to 2"):
         contact_pressure(MESH, simulation, 3)

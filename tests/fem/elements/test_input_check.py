@@ -9,9 +9,11 @@ from mixpinn.fem.elements.input_check import check_elastic_input
 def test_bad_meshes_are_refused():
     mesh = two_bones((3, 2, 2))
     bone = mesh.part == 1
+    wider = mesh.part.copy()  # a part of two nodes, of which one is fixed
+    wider[mesh.cells[(mesh.part[mesh.cells] == 1).any(axis=1)][0][:2]] = 1
     cases = {
         "cells of positive volume": labelled(mesh.points, mesh.cells[:, [1, 0, 2, 3]], part=mesh.part),
-        "no fixed node": labelled(mesh.points, mesh.cells, part=mesh.part, fixed=bone),
+        "no fixed node": labelled(mesh.points, mesh.cells, part=np.where(bone, 1, wider), fixed=bone),
         "each soft node in a cell": labelled(np.vstack([mesh.points, [[99.0, 0, 0]]]), mesh.cells),
         "nodes in each rigid part": labelled(mesh.points, mesh.cells, part=np.where(bone, 2, 0)),
         "finite points": labelled(np.where(bone[:, None], np.nan, mesh.points), mesh.cells),

@@ -75,6 +75,7 @@ def test_a_second_probe_presses_too(straight, predictor) -> None:
     other = np.linalg.norm(asked(predictor, straight).force[0])
     assert_allclose(straight.number("force-second"), other, atol=TWO)
     straight.page.locator("#probe-1").check(force=True)
+    straight.settle()
     assert_allclose(straight.number("force"), other, atol=TWO)
     straight.page.locator("#second").uncheck()
     straight.wait("m.stage.answer.probes.length === 1")

@@ -21,6 +21,10 @@ class LinearSolver(Protocol):
 
     indefinite: bool
 
+    def begin(self) -> None:
+        """Forget what earlier matrices have taught: what follows does not depend on them."""
+        ...
+
     def factorize(self, matrix: sp.csr_matrix) -> None:
         """Factorize the matrix whose upper triangle is `matrix` (n, n): sorted CSR, all diagonal entries stored.
 
@@ -93,6 +97,9 @@ class SuperLUSolver:
         self._pattern: tuple[IntArray, IntArray] | None = None
         self._template: sp.csc_matrix | None = None
         self._source: IntArray | None = None
+
+    def begin(self) -> None:
+        """See `LinearSolver.begin`."""
 
     def factorize(self, matrix: sp.csr_matrix) -> None:
         """See `LinearSolver.factorize`."""

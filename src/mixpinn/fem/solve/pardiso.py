@@ -58,6 +58,16 @@ class _Handle:
         self.options[34] = 1  # indices count from zero
 
 
+def _aligned(array: FloatArray, number: type[np.floating[Any]]) -> FloatArray:
+    """A copy in Fortran's order from a multiple of 64 bytes on: MKL's last digits depend on where arrays begin."""
+    size = array.size * np.dtype(number).itemsize
+    memory = np.empty(size + 64, dtype=np.uint8)
+    begin = -memory.ctypes.data % 64
+    copy = memory[begin : begin + size].view(number).reshape(array.shape, order="F")
+    copy[...] = array
+    return copy
+
+
 class _PardisoError(Exception):
     """PARDISO returned this error code."""
 
@@ -98,8 +108,13 @@ class PardisoSolver:
         self._matrix: sp.csr_matrix | None = None
         self._values: FloatArray = np.empty(0)
         self._kept: IntArray = np.empty(0, dtype=np.int64)
-        self.threads, self._single, self._try_single = threads, single, single
+        self.threads, self._single = threads, single
+        self.begin()
         self.indefinite = False
+
+    def begin(self) -> None:
+        """See `LinearSolver.begin`: single precision is tried, and checked, anew."""
+        self._try_single, self._trusted = self._single, False
 
     @property
     def halves(self) -> bool:
@@ -155,18 +170,18 @@ class PardisoSolver:
         if not self._same_pattern(matrix) or not np.array_equal(kept, self._kept):
             self.free()
             self._pattern, self._kept = (matrix.indptr, matrix.indices), kept
-            self._try_single = self._single
+            self.begin()
         self._matrix, self.indefinite = matrix, False
         for single in (True, False) if self._try_single else (False,):
             handle = self._handle(2, single)
             try:
-                fresh = not handle.analysed
                 schur = self._factorize(handle)
             except _PardisoError as error:
                 if error.value != _NOT_POSITIVE:
                     raise SolveError(f"PARDISO could not factorize the matrix: error {error}") from error
                 continue
-            if not single or not fresh or self._accurate():
+            if not single or self._trusted or self._accurate():
+                self._trusted = single
                 return schur
             self._release(handle)
             self._try_single = False
@@ -184,7 +199,7 @@ class PardisoSolver:
         assert self._matrix is not None
         self._active = None
         size, m = self._matrix.shape[0], len(self._kept) if handle.kind == 2 else 0
-        self._values = np.ascontiguousarray(self._matrix.data, dtype=handle.number)
+        self._values = _aligned(self._matrix.data, handle.number)
         if not handle.analysed:
             handle.options[35] = 2 if m else 0  # form the Schur complement and keep the factors
             handle.options[23] = 1 if m else 0  # which needs the two-level factorization
@@ -231,8 +246,8 @@ class PardisoSolver:
 
     def _call(self, handle: _Handle, phase: int, rhs: FloatArray) -> FloatArray:
         assert self._pattern is not None
-        right = np.asfortranarray(rhs, dtype=handle.number)
-        solution, error = np.zeros_like(right), ctypes.c_int32(0)
+        right = _aligned(rhs, handle.number)
+        solution, error = _aligned(np.zeros_like(right), handle.number), ctypes.c_int32(0)
         starts, columns = (np.ascontiguousarray(part, dtype=np.int32) for part in self._pattern)
         # A single triangular solve is over before a second thread has begun.
         handle.options[24] = int(phase > _FACTORIZE and right.ndim == 1)

@@ -146,6 +146,7 @@ class QuasiStaticSolver:
     def begin(self, patch: SkinPatch | None) -> None:
         """Choose the patch of skin on which contact is sought, and forget earlier solves."""
         self._inverse = None
+        self.linear.begin()
         if patch is None or self.contact is None or not len(patch.vertices):
             self._patch, self._unknowns, self._force = None, None, np.empty(0)
             return
