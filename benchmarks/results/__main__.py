@@ -26,6 +26,8 @@ from mixpinn.base.rundir import is_finished
 ROOT = Path(__file__).parents[2]
 SECTIONS: tuple[Section, ...] = (TRUTH, PATIENT1, DEMO, HYBRID, EXPERIMENTS, FULL_SCALE, GPU, PROFILE, PROTOCOL, SPEED)
 """In the order of the page."""
+EFFECTS = "anatomy-effects"
+"""Page that ``benchmarks.anatomy_effects`` writes by itself."""
 
 
 KINDS = (
@@ -61,7 +63,9 @@ def page(folder: Path) -> str:
         "where one is named. Errors are in millimetres, over the samples of probe positions that no model has seen.\n",
         KINDS,
         *(page_text(section, data, folder.name) for section, data in shown.items()),
-        "```{toctree}\n:hidden:\n\n" + "".join(f"{folder.name}/{section.name}\n" for section in shown) + "```\n",
+        f"What joints, supports and layers do to force and motions: [tables]({folder.name}/{EFFECTS}.md).\n",
+        "```{toctree}\n:hidden:\n\n" + "".join(f"{folder.name}/{section.name}\n" for section in shown)
+        + f"{folder.name}/{EFFECTS}\n```\n",
     ])
 
 
