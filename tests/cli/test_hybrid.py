@@ -1,11 +1,13 @@
 """The hybrid model and onboarding through the real command line, at toy size."""
 
 import json
+import shutil
 
 import pytest
 import pyvista as pv
 
 from mixpinn.base.files import read_json
+from mixpinn.base.rundir import start_run
 from mixpinn.serving import HybridPredictor
 from pipeline.chain import ANATOMY, MESH, SIMULATION, command, contents, done
 
@@ -94,6 +96,16 @@ def test_onboarding_leaves_a_report(onboarded):
     assert "elastic prior could be used" in page
     assert (run / "onboarding.png").read_bytes()[:4] == b"\x89PNG"
     assert (run / "evaluation" / "report.html").is_file()
+
+
+def test_onboarding_stopped_in_its_last_test_goes_on(onboarded, tmp_path):
+    run, _ = onboarded
+    shutil.copytree(run, tmp_path / "run")
+    shutil.rmtree(tmp_path / "run" / "evaluation")
+    start_run(tmp_path / "run" / "evaluation", "evaluate", {"bundle": "as it was before the stop"})
+    config = run.parent / "config.json"
+    done("onboard", "phantom", "--config", config, "--no-pictures", "--out", tmp_path / "run", "--poses", 6)
+    assert (tmp_path / "run" / "evaluation" / "report.html").is_file()
 
 
 def test_onboarding_refuses_what_makes_no_round(tmp_path):

@@ -1,6 +1,7 @@
 """Onboarding: from label maps to a predictor that is usable after the prior and better after each round of poses."""
 
 import os
+import shutil
 import time
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -188,6 +189,8 @@ def _report(store: SimulationStore, last: SampleTable, config: OnboardingConfig,
     others = np.setdiff1d(np.arange(len(store.positions)), positions)
     split = Split("last round", others, np.empty(0, dtype=np.int64), positions)
     split.save(out / BUNDLE / SPLIT_FILE)
+    # What a run that was stopped has left there belongs to its own bundle, which has been fitted anew.
+    shutil.rmtree(out / "evaluation", ignore_errors=True)
     _, page = evaluate_models(
         store, last, split, [out / BUNDLE], EvaluationConfig(pictures=config.pictures), out=out / "evaluation",
         background=Background(
