@@ -24,7 +24,7 @@ import numba
 import numpy as np
 
 from mixpinn.base.arrays import FloatArray, IntArray
-from mixpinn.physics.elimination import solve_in_place, times
+from mixpinn.physics.elimination import dot, solve_in_place, times
 
 ContactLaw = Callable[[FloatArray, bool], tuple[FloatArray, FloatArray, IntArray]]
 """g(y, exact): forces (m,), stiffness among the touched unknowns (a, a), and these, (a,).
@@ -36,7 +36,7 @@ The stiffness is the derivative of the forces if `exact`, otherwise a symmetric 
 # mypy cannot see through numba's decorators: the kernel is untyped, its callers are not.
 
 
-@numba.njit(cache=True, nogil=True, fastmath=True)
+@numba.njit(cache=True, nogil=True, fastmath={"contract"})
 def newton_step(compliance, error, stiffness, touched, change, move):  # type: ignore[no-untyped-def]
     """One step of Newton's method: fills dλ (m,) into `change` and −dy = W dλ (m,) into `move`.
 
@@ -61,10 +61,8 @@ def newton_step(compliance, error, stiffness, touched, change, move):  # type: i
             rest[touched[i]] = 0.0
         matrix, inner, shifted, filled = np.zeros((a, a)), np.empty((a, a)), np.empty(a), np.empty(a, np.int64)
         for j in range(a):
-            row, packed, total = compliance[touched[j]], inner[j], 0.0
-            for i in range(m):
-                total += row[i] * rest[i]
-            shifted[j] = total
+            row, packed = compliance[touched[j]], inner[j]
+            shifted[j] = dot(row, rest)
             for c in range(a):
                 packed[c] = row[touched[c]]
         for i in range(a):

@@ -2,10 +2,11 @@
 
 import numba
 
-# mypy cannot see through numba's decorators: the kernels are untyped, their callers are not.
+# mypy cannot see through numba's decorators: the kernels are untyped, their callers are not. Sums keep the order in
+# which they are written (no ``fastmath=True``): else results would depend on what is compiled together with what.
 
 
-@numba.njit(cache=True, nogil=True, fastmath=True)
+@numba.njit(cache=True, nogil=True, fastmath={"contract"})
 def solve_in_place(matrix, rhs):  # type: ignore[no-untyped-def]
     """Gaussian elimination with row pivoting; the solution replaces `rhs`. False where the matrix is singular.
 
@@ -61,11 +62,29 @@ def solve_in_place(matrix, rhs):  # type: ignore[no-untyped-def]
     return True
 
 
-@numba.njit(cache=True, nogil=True, fastmath=True)
+@numba.njit(cache=True, nogil=True, fastmath={"contract"})
+def dot(left, right):  # type: ignore[no-untyped-def]
+    """Σ left right, in eight sums side by side, which a processor adds at once."""
+    n = len(right)
+    s0 = s1 = s2 = s3 = s4 = s5 = s6 = s7 = 0.0
+    whole = n - n % 8
+    for j in range(0, whole, 8):
+        s0 += left[j] * right[j]
+        s1 += left[j + 1] * right[j + 1]
+        s2 += left[j + 2] * right[j + 2]
+        s3 += left[j + 3] * right[j + 3]
+        s4 += left[j + 4] * right[j + 4]
+        s5 += left[j + 5] * right[j + 5]
+        s6 += left[j + 6] * right[j + 6]
+        s7 += left[j + 7] * right[j + 7]
+    total = ((s0 + s1) + (s2 + s3)) + ((s4 + s5) + (s6 + s7))
+    for j in range(whole, n):
+        total += left[j] * right[j]
+    return total
+
+
+@numba.njit(cache=True, nogil=True, fastmath={"contract"})
 def times(matrix, vector, out):  # type: ignore[no-untyped-def]
     """out = matrix vector."""
     for i in range(len(out)):
-        row, total = matrix[i], 0.0
-        for j in range(len(vector)):
-            total += row[j] * vector[j]
-        out[i] = total
+        out[i] = dot(matrix[i], vector)
