@@ -9,6 +9,7 @@ import numpy as np
 
 from mixpinn.base.arrays import FloatArray
 from mixpinn.base.errors import InputError
+from mixpinn.base.sensible import require_settings
 from mixpinn.base.text_table import read_columns
 from mixpinn.geometry.probe_pose import probe_rotation
 from mixpinn.records import ProbePath
@@ -52,7 +53,7 @@ class Protocol:
     max_positions: int | None = None
 
     def __post_init__(self) -> None:
-        checks = {
+        require_settings(self, "protocol", {
             "rotations": (0 < len(self.rotations) == len(set(self.rotations)), "distinct angles"),
             "approach": (0.0 <= self.approach < np.inf, "0 mm or more"),
             "lag": (abs(self.lag) < np.inf, "a length"),
@@ -61,12 +62,7 @@ class Protocol:
             "spacing": (_LEAST_SPACING <= self.spacing < np.inf, f"at least {_LEAST_SPACING:g} mm"),
             "direction": (float(np.linalg.norm(self.direction)) > 1e-9, "a vector that is not zero"),
             "max_positions": (self.max_positions is None or self.max_positions >= 1, "at least 1"),
-        }
-        for name, (met, expected) in checks.items():
-            if not met:
-                raise InputError(
-                    f"protocol.{name}", expected=expected, got=repr(getattr(self, name)), fix="correct the setting",
-                )
+        })
 
     @property
     def unit_direction(self) -> FloatArray:

@@ -7,6 +7,7 @@ from scipy.spatial import cKDTree
 
 from mixpinn.base.arrays import BoolArray, FloatArray
 from mixpinn.base.errors import InputError
+from mixpinn.base.sensible import positive, require_settings
 from mixpinn.mesh.surfaces.surface import DomainSurfaces, Surface
 
 _COLUMN = 5.0
@@ -47,12 +48,7 @@ class Grading:
     angle: float = 30.0
 
     def __post_init__(self) -> None:
-        for item in fields(self):
-            value = getattr(self, item.name)
-            if not (np.isfinite(value) and value > 0.0):
-                raise InputError(
-                    f"grading.{item.name}", expected="a positive number", got=f"{value:g}", fix="correct the setting",
-                )
+        require_settings(self, "grading", positive(self, *(item.name for item in fields(self))))
 
     def scaled(self, size: float) -> "Grading":
         """The edge lengths and the facets' distance multiplied by `size`; above 1 coarser, below 1 finer.
