@@ -136,3 +136,14 @@ def test_points_that_are_not_finite_are_refused(tmp_path, value):
     grid.save(tmp_path / "mesh.vtu")
     with pytest.raises(InputError, match="points: expected finite numbers"):
         TissueMesh.load(tmp_path / "mesh.vtu")
+
+
+@pytest.mark.parametrize("value", ["266", "-246", "18446744073709551616"])
+def test_numbers_that_their_type_cannot_hold_are_refused(grid, tmp_path, value):
+    """266 and -246 are 10, a tetrahedron, in eight bits."""
+    path = tmp_path / "x.vtu"
+    content = written(grid, path, mode="Ascii", packing="NONE", base64=False, words=32, big=False)
+    altered = re.sub(rb'(<DataArray type="UInt8" Name="types".*?>\s*)10\b', rb"\g<1>" + value.encode(), content, count=1)
+    assert altered != content
+    with pytest.raises(ValueError, match="numbers in types that"):
+        parse_vtu(altered)

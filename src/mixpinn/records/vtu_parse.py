@@ -183,7 +183,16 @@ class _File:
         words = text.split()
         if count is not None and len(words) != count:
             raise ValueError(f"{len(words)} numbers in {element.get('Name')} instead of {count}")
-        return np.array(words, dtype=np.float64 if dtype.kind == "f" else np.int64).astype(dtype)
+        if dtype.kind == "f":
+            return np.array(words, dtype=np.float64).astype(dtype)
+        try:
+            numbers = np.array(words, dtype=np.int64)
+        except OverflowError as error:
+            raise ValueError(f"numbers in {element.get('Name')} that are too large") from error
+        held = numbers.astype(dtype)
+        if count is not None and (held != numbers).any():  # characters of texts may be written as signed ones
+            raise ValueError(f"numbers in {element.get('Name')} that {element.get('type')} cannot hold")
+        return held
 
     def _bytes(self, encoded: bytes, *, raw: bool, most: int | None) -> bytes | bytearray:
         """What one array holds; `encoded` may go on behind it."""
