@@ -74,6 +74,8 @@ def layers_of_ct(
 
 
 def _laid(segmentation: Segmentation, masks: Mapping[str, BoolArray], thinnest: float) -> Segmentation:
+    if not masks:
+        return segmentation
     body = segmentation.body
     start, stop = body.box
     inside = body.mask.copy()

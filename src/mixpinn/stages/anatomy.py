@@ -215,7 +215,7 @@ def _compute(config: AnatomyConfig) -> AnatomyResult:
     if config.ct is not None:
         segmentation = layers_of_ct(segmentation, config.ct, thinnest=config.thinnest)
     findings = (*findings, *(note for note in segmentation.notes if note.kind == "layer"))
-    label_map = replace(place_in_frame(segmentation), doubts=lasting, phantom=config.source == "phantom")
+    label_map = replace(place_in_frame(segmentation), doubts=lasting, phantom=built)
     return AnatomyResult(label_map, findings)
 
 

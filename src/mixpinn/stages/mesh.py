@@ -241,7 +241,11 @@ def _build(source: LabelMap | DomainSurfaces | Path | str, config: MeshConfig) -
     )
     for line in thin:
         console.print(line, soft_wrap=True)
-    doubts = (*mesh.doubts, *thin, *(f"mesh: {line}" for line in mesh_warnings(mesh)))
+    odd = mesh_warnings(mesh)
+    if isinstance(source, Path | str):
+        for line in odd:
+            console.print(f"[yellow]warning[/]: {line}", soft_wrap=True)
+    doubts = (*mesh.doubts, *thin, *(f"mesh: {line}" for line in odd))
     mesh = replace(mesh, doubts=tuple(dict.fromkeys(doubts)))
     return mesh.with_order(2 if config.element == "quadratic" else mesh.order), label_map
 
@@ -253,8 +257,6 @@ def _cells(source: LabelMap | DomainSurfaces | Path | str, config: MeshConfig) -
             soft_labels=config.soft_labels,
         )
         check_unit(mesh, what=str(source))
-        for line in mesh_warnings(mesh):
-            console.print(f"[yellow]warning[/]: {line}", soft_wrap=True)
         return mesh, None
     label_map = source if isinstance(source, LabelMap) else None
     mesher = make_mesher(config.mesher, timeout=config.timeout)

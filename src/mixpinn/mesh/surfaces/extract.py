@@ -108,7 +108,7 @@ def _rigid_surfaces(
         for mask in masks
     ]
     spared = set(label_map.rigid_names) - set(label_map.target_names) if label_map.target_names else set()
-    surfaces: dict[str, Surface] = {}
+    surfaces: list[Surface] = []
     for k, name in enumerate(label_map.rigid_names):
         level = np.maximum(distances[k], to_skin + config.gap)
         for other, distance in enumerate(distances):
@@ -116,10 +116,11 @@ def _rigid_surfaces(
                 level = np.maximum(level, (distances[k] - distance + config.gap) / 2.0)
         level = np.pad(level, 1, constant_values=float(spacing.max()))
         surface = _without_bubbles(_contour(level, low - 1.0, label_map, name))
-        if name not in spared or _kept(surface, masks[k], label_map) >= _TOO_THIN:
-            _refuse_thin(surface, masks[k], label_map, config)
-            surfaces[name] = surface
-    return tuple(surfaces.values())
+        if name in spared and _kept(surface, masks[k], label_map) < _TOO_THIN:
+            continue
+        _refuse_thin(surface, masks[k], label_map, config)
+        surfaces.append(surface)
+    return tuple(surfaces)
 
 
 def _blur(smoothing: float, spacing: FloatArray) -> FloatArray:
