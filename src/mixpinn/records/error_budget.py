@@ -1,11 +1,10 @@
 """ErrorBudget: how far answers about one patient are from the converged solution, and what decides them besides."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 
-from mixpinn.base.files import write_json
-from mixpinn.base.validated import load_record
+from mixpinn.base.validated import load_record, save_record
 
 _REMAKE = "run 'mixpinn assess' again"
 
@@ -85,7 +84,7 @@ class ErrorBudget:
 
     def save(self, path: Path | str) -> None:
         """Write as JSON."""
-        write_json(path, asdict(self))
+        save_record(path, self)
 
     @staticmethod
     def load(path: Path | str) -> "ErrorBudget":

@@ -1,11 +1,11 @@
 """Full solves of an error budget: presses over the rigid parts, each solve kept in a file of its own."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from mixpinn.base.array_file import read_npz
 from mixpinn.base.arrays import FloatArray
 from mixpinn.base.errors import InputError
 from mixpinn.base.files import atomic_path
@@ -100,11 +100,11 @@ class Found:
             InputError: a damaged file.
         """
         try:
-            with np.load(path, allow_pickle=False) as kept:
-                return Found(
-                    kept["force"], kept["translations"], kept["field"].astype(np.float64), bool(kept["converged"]),
-                )
-        except Exception as error:
+            kept = read_npz(path)
+            return Found(
+                kept["force"], kept["translations"], kept["field"].astype(np.float64), bool(kept["converged"]),
+            )
+        except (OSError, KeyError, ValueError) as error:
             raise InputError(str(path), expected="a kept solve", got=type(error).__name__, fix=_REMAKE) from error
 
 
@@ -132,7 +132,6 @@ def presses(mesh: TissueMesh, rotation: FloatArray, count: int) -> list[Press]:
 
 def solve_kept(
     folder: Path, scene: Scene, press: Press, mesh: TissueMesh, *, depth: float, same_vertices: bool = True,
-    on_step: Callable[[int, int], None] | None = None,
 ) -> Found:
     """The solve of a press, from `folder` where it was done before.
 
@@ -143,7 +142,6 @@ def solve_kept(
         mesh: of the bundle, in terms of which the result is given.
         depth: beyond first touch [mm].
         same_vertices: whether the scene's first vertices are those of `mesh`.
-        on_step: called after each step with how many are done, and of how many.
 
     Raises:
         InputError: a damaged file, or no skin in the probe's way.
@@ -152,8 +150,6 @@ def solve_kept(
     path = folder / f"{scene.hash()}-{'_'.join(f'{value:.3f}' for value in tip)}.npz"
     if path.is_file():
         return Found.load(path)
-    found = Found.of(
-        solve_pose(scene, tip, press.rotation, on_step=on_step), mesh, same_vertices=same_vertices,
-    )
+    found = Found.of(solve_pose(scene, tip, press.rotation), mesh, same_vertices=same_vertices)
     found.save(path)
     return found
