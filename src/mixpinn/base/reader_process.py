@@ -123,13 +123,8 @@ def _stop(child: "subprocess.Popen[bytes]") -> None:
 def _end() -> None:
     child = _child.get(os.getpid())
     if child is not None:
-        _stop_at_once(child)
-
-
-def _stop_at_once(child: "subprocess.Popen[bytes]") -> None:
-    child.kill()
-    child.wait()
-    _child.clear()
+        child.kill()
+        _stop(child)
 
 
 def _how_it_ended(code: int | None) -> str:

@@ -25,6 +25,7 @@ def draw_body(mesh: TissueMesh, restraints: Restraints, path: Path | str, *, axi
         axis_length: of a joint's axis [mm].
     """
     from matplotlib import colormaps
+    from matplotlib.collections import PolyCollection
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
@@ -37,8 +38,6 @@ def draw_body(mesh: TissueMesh, restraints: Restraints, path: Path | str, *, axi
     sections = ((0, 1, 2, "y, to the back [mm]", "z, caudal [mm]"), (2, 0, 1, "x, to the right [mm]", "y [mm]"))
     for plot, (normal, across, up, label, other) in zip(figure.subplots(1, 2), sections, strict=True):
         polygons, cells = cut_cells(mesh.points, mesh.cells, axis=normal, place=float(centre[normal]))
-        from matplotlib.collections import PolyCollection
-
         plot.add_collection(PolyCollection(
             [polygon[:, [across, up]] for polygon in polygons],
             facecolors=[_TISSUES[int(t) % len(_TISSUES)] for t in mesh.tissue[cells]], edgecolors="0.75",
