@@ -25,6 +25,16 @@ def test_round_trip_keeps_identity_and_names(tmp_path):
     np.testing.assert_array_equal(read.world_to_scanner, mesh.world_to_scanner)
 
 
+def test_targets_survive_and_those_that_no_part_has_are_refused(tmp_path):
+    """A target that is no part would silently mean that all parts are pressed on."""
+    mesh = replace(MESH, rigid_names=("Wirbelkörper",), targets=("Wirbelkörper",))
+    mesh.save(tmp_path / "mesh.vtu")
+    assert TissueMesh.load(tmp_path / "mesh.vtu").targets == mesh.targets
+    replace(mesh, targets=("vertebrae_L9",)).save(tmp_path / "mesh.vtu")
+    with pytest.raises(InputError, match="targets: expected names of rigid parts, got 'vertebrae_L9'"):
+        TissueMesh.load(tmp_path / "mesh.vtu")
+
+
 def test_edges_faces_and_volumes_by_hand():
     # Two tetrahedra share the face 1-2-3: nine edges, six boundary faces, of which none is free of part 1.
     assert MESH.edges.tolist() == [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [1, 4], [2, 3], [2, 4], [3, 4]]

@@ -33,6 +33,20 @@ def read_text(path: Path | str, *, expected: str) -> str:
     return decode_text(content, what=str(path), expected=expected)
 
 
+def escaped(text: str) -> str:
+    """The text in ASCII, other characters as Python escapes them."""
+    return text.encode("unicode_escape").decode("ascii")
+
+
+def unescaped(text: object) -> str:
+    """What `escaped` was given.
+
+    Raises:
+        UnicodeDecodeError: an escape that is none.
+    """
+    return str(text).encode("latin-1", "backslashreplace").decode("unicode_escape")
+
+
 def decode_text(content: bytes, *, what: str, expected: str) -> str:
     """The text in `content`, as `read_text` reads it.
 

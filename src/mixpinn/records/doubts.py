@@ -6,6 +6,7 @@ A doubt is one line ``STRUCTURE: KIND: what was seen``, after ``repaired: `` whe
 from collections.abc import Sequence
 
 from mixpinn.base.arrays import AnyArray
+from mixpinn.base.text import escaped, unescaped
 
 REPAIRED = "repaired: "
 _MOST = 4
@@ -36,11 +37,9 @@ def _some(structures: Sequence[str]) -> str:
 
 def packed(doubts: Sequence[str]) -> dict[str, list[str]]:
     """As field data of a mesh; nothing without any."""
-    return {"doubts": [doubt.encode("unicode_escape").decode("ascii") for doubt in doubts]} if doubts else {}
+    return {"doubts": [escaped(doubt) for doubt in doubts]} if doubts else {}
 
 
 def unpacked(texts: AnyArray | Sequence[str]) -> tuple[str, ...]:
     """What `packed` made, of field data that was read."""
-    return tuple(
-        str(text).encode("latin-1", "backslashreplace").decode("unicode_escape") for text in texts if str(text)
-    )
+    return tuple(unescaped(text) for text in texts if str(text))

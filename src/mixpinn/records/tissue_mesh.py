@@ -10,6 +10,7 @@ import numpy as np
 from mixpinn.base.arrays import AnyArray, BoolArray, FloatArray, Int32Array, IntArray
 from mixpinn.base.errors import InputError
 from mixpinn.base.files import hash_arrays
+from mixpinn.base.text import escaped, unescaped
 from mixpinn.base.validated import ArraySpec
 from mixpinn.records.doubts import packed, unpacked
 from mixpinn.records.label_map import SCANNER_TO_WORLD
@@ -231,10 +232,10 @@ class TissueMesh:
             {"part": self.node_part.astype(np.int16), "fixed": self.node_fixed.astype(np.uint8), **moved},
             {"tissue": self.tissue.astype(np.int16)},
             {
-                "rigid_names": [_ascii(name) for name in self.rigid_names] or [""],
-                "tissue_names": [_ascii(name) for name in self.tissue_names],
+                "rigid_names": [escaped(name) for name in self.rigid_names] or [""],
+                "tissue_names": [escaped(name) for name in self.tissue_names],
                 "world_to_scanner": self.world_to_scanner.ravel(), **packed(self.doubts),
-                **({"targets": [_ascii(name) for name in self.targets]} if self.targets else {}),
+                **({"targets": [escaped(name) for name in self.targets]} if self.targets else {}),
             },
         )
 
@@ -282,11 +283,10 @@ class TissueMesh:
             )
         mesh = TissueMesh(
             points[:n], cells.astype(np.int32), grid.point_data["part"][:n],
-            grid.point_data["fixed"].astype(bool)[:n], tuple(_text(name) for name in data["rigid_names"] if name),
-            grid.cell_data["tissue"], tuple(_text(name) for name in data["tissue_names"]),
+            grid.point_data["fixed"].astype(bool)[:n], unpacked(data["rigid_names"]),
+            grid.cell_data["tissue"], tuple(unescaped(name) for name in data["tissue_names"]),
             np.asarray(data["world_to_scanner"], dtype=np.float64).reshape(4, 4), order,
-            unpacked(data.get("doubts", ())),
-            tuple(_text(name) for name in data.get("targets", ())),
+            unpacked(data.get("doubts", ())), unpacked(data.get("targets", ())),
         )
         if nodes is not None and not (
             cells.max() < n and mesh.n_nodes == len(points) and np.array_equal(mesh.cell_nodes, nodes)
@@ -302,13 +302,18 @@ class TissueMesh:
 def _check_values(grid: TetraGrid, where: str) -> None:
     """Refuse values that no mesh has, as a damaged or an edited file may have them."""
     data = grid.field_data
-    for name in ("rigid_names", "tissue_names", "doubts"):
+    for name in ("rigid_names", "tissue_names", "doubts", "targets"):
         try:
-            sound = isinstance(data.get(name, []), list) and all(_text(text) is not None for text in data.get(name, []))
+            sound = isinstance(data.get(name, []), list) and all(
+                unescaped(text) is not None for text in data.get(name, [])
+            )
         except UnicodeDecodeError:
             sound = False
         if not sound:
             raise InputError(f"{where}: {name}", expected="texts", got="something else", fix=_REMAKE)
+    unknown = sorted(set(unpacked(data.get("targets", ()))) - set(unpacked(data["rigid_names"])))
+    if unknown:  # a mesh without targets that it knows would be pressed all over
+        raise InputError(f"{where}: targets", expected="names of rigid parts", got=repr(unknown[0]), fix=_REMAKE)
     rigid, tissues = (sum(1 for name in data[names] if name) for names in ("rigid_names", "tissue_names"))
     arrays = {
         "points": (grid.points, ArraySpec("number", ("n", 3))),
@@ -320,12 +325,3 @@ def _check_values(grid: TetraGrid, where: str) -> None:
     extents: dict[str, int] = {"n": len(grid.points)}
     for name, (array, spec) in arrays.items():
         spec.check(np.asarray(array), f"{where}: {name}", extents=extents, remake=_REMAKE)
-
-
-def _ascii(name: str) -> str:
-    """The name as VTK's text arrays take it: other letters as Python escapes them."""
-    return name.encode("unicode_escape").decode("ascii")
-
-
-def _text(name: object) -> str:
-    return str(name).encode("latin-1", "backslashreplace").decode("unicode_escape")
