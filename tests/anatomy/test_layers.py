@@ -76,6 +76,30 @@ def test_the_grid_of_the_ct_may_differ(tmp_path) -> None:
         np.testing.assert_array_equal(one.window((0, 0, 0), SHAPE), other.window((0, 0, 0), SHAPE))
 
 
+def test_the_ct_lies_where_its_header_says(tmp_path) -> None:
+    """In metres as in millimetres; not where a header says nothing, two things, or no place at all."""
+    plain = layers_of_ct(body(), ct(tmp_path, layered_ct()))
+    grid, hounsfield = np.diag([2.0, 2.0, 2.0, 1.0]), layered_ct().astype(np.int16)
+    image = nib.Nifti1Image(hounsfield, np.diag([0.002, 0.002, 0.002, 1.0]))
+    image.header.set_xyzt_units("meter")
+    nib.save(image, tmp_path / "metres.nii.gz")
+    for one, other in zip(plain.soft, layers_of_ct(body(), tmp_path / "metres.nii.gz").soft, strict=True):
+        np.testing.assert_array_equal(one.window((0, 0, 0), SHAPE), other.window((0, 0, 0), SHAPE))
+    mirrored, nowhere, lost = (nib.Nifti1Image(hounsfield, grid) for _ in range(3))
+    mirrored.set_qform(np.diag([-2.0, 2.0, 2.0, 1.0]), code=1)
+    wrong = {"handedness": mirrored, "left and right are unknown": nowhere, "finite affine": lost}
+    for says, image in wrong.items():
+        nib.save(image, tmp_path / "wrong.nii")
+        content = bytearray((tmp_path / "wrong.nii").read_bytes())
+        if image is nowhere:
+            content[252:256] = bytes(4)  # the codes of qform and sform
+        if image is lost:
+            content[280:284] = np.float32(np.nan).tobytes()
+        (tmp_path / "wrong.nii").write_bytes(content)
+        with pytest.raises(InputError, match=says):
+            layers_of_ct(body(), tmp_path / "wrong.nii")
+
+
 @pytest.mark.parametrize(("voxels", "kept"), [(1, False), (2, False), (4, True), (6, True)])
 def test_layers_survive_from_a_thickness_on(voxels, kept) -> None:
     """6 mm are asked for, voxels of 2 mm: the share of a slab of thickness t is erf(t / 2√2σ) in its middle."""

@@ -12,11 +12,15 @@ what it lies in. Bones and what is outside of the body take no part; volumes bef
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
+import nibabel as nib
 import numpy as np
 from scipy import ndimage
 
-from mixpinn.anatomy.finding import Finding
+from mixpinn.anatomy.finding import Finding, require_sound
+from mixpinn.anatomy.images.label_image import check_affine
+from mixpinn.anatomy.images.nifti_affine import nifti_affine
 from mixpinn.anatomy.names import tissue_group
 from mixpinn.anatomy.segmentation import Segmentation, Structure
 from mixpinn.base.arrays import BoolArray, FloatArray
@@ -64,7 +68,7 @@ def layers_of_ct(
         thinnest: layers from this thickness on are kept [mm].
 
     Raises:
-        InputError: no image in HU, or one that does not cover the body.
+        InputError: no image in HU, one whose header does not say where it is, or one that does not cover the body.
     """
     start, stop = segmentation.body.box
     hounsfield = ndimage.median_filter(_sample(file, segmentation.affine, start, stop), size=3)
@@ -114,10 +118,19 @@ def _share(mask: BoolArray, sigma: FloatArray) -> FloatArray:
     return share
 
 
+def _affine(path: Path, image: Any) -> FloatArray:
+    """Voxel index of a CT to the scanner's RAS frame [mm], shape (4, 4), under the checks of a label image."""
+    if isinstance(image, nib.Nifti1Pair):
+        affine, notes = nifti_affine(path, image)
+        require_sound(notes)
+    else:
+        affine = np.asarray(image.affine, dtype=np.float64)
+    check_affine(path, affine)
+    return affine
+
+
 def _sample(file: Path | str, affine: FloatArray, start: tuple[int, ...], stop: tuple[int, ...]) -> FloatArray:
     """HU at the voxels start … stop of the grid of the maps, linear between those of the CT."""
-    import nibabel as nib
-
     try:
         image = nib.load(file)
         data = np.asarray(image.dataobj, dtype=np.float32)
@@ -130,7 +143,7 @@ def _sample(file: Path | str, affine: FloatArray, start: tuple[int, ...], stop: 
             str(file), expected="a CT in HU, with air at -1000", got=f"values from {data.min():g} to {data.max():g}",
             fix="give the CT that the maps were made of, in HU",
         )
-    to_image = np.linalg.inv(image.affine) @ affine
+    to_image = np.linalg.inv(_affine(Path(file), image)) @ affine
     shape = tuple(b - a for a, b in zip(start, stop, strict=True))
     shift = to_image[:3, :3] @ np.array(start) + to_image[:3, 3]
     corners = np.array(np.meshgrid(*[(0, n - 1) for n in shape])).reshape(3, -1)

@@ -51,7 +51,7 @@ def make_label_image(
             str(path), expected="a 3-D image", got=f"a {len(shape)}-D image of shape {tuple(data.shape)}",
             fix="give one volume of it",
         )
-    _check_affine(path, affine)
+    check_affine(path, affine)
     labels, rounded = _whole_numbers(path, data.reshape(shape))
     return LabelImage(labels, np.asarray(affine, dtype=np.float64), dict(names or {}), (*notes, *rounded))
 
@@ -96,7 +96,12 @@ def file_beside(path: Path, name: str) -> Path:
     return beside
 
 
-def _check_affine(path: Path, affine: FloatArray) -> None:
+def check_affine(path: Path, affine: FloatArray) -> None:
+    """Refuse a matrix that places no voxels.
+
+    Raises:
+        InputError: not finite, or singular.
+    """
     if not np.isfinite(affine).all():
         raise InputError(
             str(path), expected="a finite affine", got="an affine with NaN or infinity", fix="write the image again",
