@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import pyvista as pv
@@ -38,6 +40,19 @@ def test_own_files_round_trip(grid, tmp_path):
     mesh = import_vtu(save(grid, tmp_path))
     assert mesh.rigid_names == ("block",)
     assert not mesh.fixed.any()
+
+
+def test_own_files_keep_their_place_in_the_scanner_and_their_targets(tmp_path):
+    to_scanner = np.array([[0.0, -1.0, 0.0, 5.0], [0.0, 0.0, -1.0, -7.0], [1.0, 0.0, 0.0, 9.0], [0.0, 0.0, 0.0, 1.0]])
+    own = replace(box_mesh(cavity=CAVITY), world_to_scanner=to_scanner, targets=("block",))
+    own.save(tmp_path / "mesh.vtu")
+    mesh = import_vtu(tmp_path / "mesh.vtu")
+    np.testing.assert_array_equal(mesh.world_to_scanner, to_scanner)
+    assert mesh.targets == ("block",)
+    assert import_vtu(tmp_path / "mesh.vtu", rigid_names=["bone"]).targets == ()
+    replace(own, world_to_scanner=np.full((4, 4), np.nan)).save(tmp_path / "mesh.vtu")
+    with pytest.raises(InputError, match="world_to_scanner: expected finite numbers"):
+        import_vtu(tmp_path / "mesh.vtu")
 
 
 def test_fixed_file_counts_within_the_soft_nodes(grid, tmp_path):

@@ -10,6 +10,7 @@ import pyvista as pv
 from mixpinn.base.arrays import AnyArray, BoolArray
 from mixpinn.base.errors import InputError
 from mixpinn.base.text import read_text
+from mixpinn.base.validated import ArraySpec
 from mixpinn.mesh.cells.label import fixed_nodes
 from mixpinn.mesh.cells.orientation import check_cells, orient_cells
 from mixpinn.mesh.read_grid import ORIGINAL, keep, read_tetrahedra
@@ -17,6 +18,7 @@ from mixpinn.records.doubts import unpacked
 from mixpinn.records.tissue_mesh import TissueMesh
 
 _PART_ARRAYS = ("part", "rigid")
+_TO_SCANNER = "world_to_scanner"
 _SOFT_INDEX = "deformable_id"
 _LUMBAR = tuple(f"vertebrae_L{level}" for level in range(1, 6))
 
@@ -29,7 +31,8 @@ def import_vtu(
 
     The part of each node is read from the point data ``part`` or ``rigid`` (0 soft, k = 1 … K rigid part k); without
     either all is soft tissue. Where parts are given for cells, cells of rigid parts become cavities whose boundary
-    nodes belong to them. Cells of negative volume are re-oriented; points, lines and faces are left out.
+    nodes belong to them. Cells of negative volume are re-oriented; points, lines and faces are left out. Of a mesh of
+    this project the targets, the doubts and the place in the scanner's frame are kept.
 
     Args:
         path: the mesh, lengths in mm.
@@ -62,7 +65,12 @@ def import_vtu(
     mesh = TissueMesh(
         points, cells, part, np.zeros(len(points), dtype=bool), names, tissue, tissue_names,
         doubts=unpacked(grid.field_data.get("doubts", ())),
+        targets=tuple(str(name) for name in grid.field_data.get("targets", ()) if str(name) in names),
     )
+    if _TO_SCANNER in grid.field_data:
+        matrix = np.asarray(grid.field_data[_TO_SCANNER]).ravel()
+        ArraySpec("number", (16,)).check(matrix, f"{what}: {_TO_SCANNER}", extents={}, remake="export the mesh again")
+        mesh = replace(mesh, world_to_scanner=matrix.astype(np.float64).reshape(4, 4))
     if fixed is not None:
         held = _read_fixed(Path(fixed), grid)
     elif "fixed" in grid.point_data:
