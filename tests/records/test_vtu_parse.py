@@ -143,7 +143,8 @@ def test_numbers_that_their_type_cannot_hold_are_refused(grid, tmp_path, value):
     """266 and -246 are 10, a tetrahedron, in eight bits."""
     path = tmp_path / "x.vtu"
     content = written(grid, path, mode="Ascii", packing="NONE", base64=False, words=32, big=False)
-    altered = re.sub(rb'(<DataArray type="UInt8" Name="types".*?>\s*)10\b', rb"\g<1>" + value.encode(), content, count=1)
+    types = re.compile(rb'(<DataArray type="UInt8" Name="types".*?>\s*)10\b')
+    altered = types.sub(rb"\g<1>" + value.encode(), content, count=1)
     assert altered != content
     with pytest.raises(ValueError, match="numbers in types that"):
         parse_vtu(altered)

@@ -98,6 +98,17 @@ def test_slices_names_and_frame(tmp_path):
     assert not image.notes
 
 
+def test_slices_that_claim_more_than_a_label_map_holds_are_refused(tmp_path):
+    """Two slices of 3 × 5 voxels with a hundred million absent ones between them."""
+    frames = np.ones((2, 3, 5), dtype=np.uint8)
+    path = write(
+        tmp_path / "seg.dcm", frames, segments=["vertebrae_L1"], of_frame=[1, 1], slices=[0, 10**8],
+        measures={"SpacingBetweenSlices": BETWEEN},
+    )
+    with pytest.raises(InputError, match=r"at most 1,073,741,824 voxels, got 5 × 3 × 100000001"):
+        read_label_image(path)
+
+
 def test_a_file_without_suffix_is_known_by_its_content(tmp_path):
     named = read_label_image(two_segments(tmp_path / "seg.dcm"))
     image = read_label_image(two_segments(tmp_path / "IM000001"))

@@ -14,12 +14,14 @@ from mixpinn.anatomy.finding import Finding
 from mixpinn.anatomy.images.label_image import LPS_TO_RAS, LabelImage, flattened, make_label_image
 from mixpinn.base.arrays import AnyArray, FloatArray
 from mixpinn.base.errors import InputError
+from mixpinn.records.voxels import check_extents
 
 _SEGMENTATIONS = ("1.2.840.10008.5.1.4.1.1.66.4", "1.2.840.10008.5.1.4.1.1.66.7")
 """Segmentation Storage and Label Map Segmentation Storage."""
 _OFF = 0.1
 """A slice may be this many slice spacings away from its place on the grid."""
-_MOST_VOXELS = 2**31
+_MOST_IN_FRAMES = 2**34
+"""Voxels of all frames together: there is one for each segment in each slice."""
 
 
 def is_dicom(path: Path) -> bool:
@@ -63,8 +65,7 @@ def read_dicom_seg(path: Path) -> LabelImage:
         ) from error
     affine, index = _grid(path, places, steps)
     shape = (frames.shape[2], frames.shape[1], int(index.max()) + 1)
-    if np.prod(shape, dtype=np.int64) > _MOST_VOXELS:
-        raise _bad(path, "slices side by side", f"{shape[2]} slices from the first to the last")
+    check_extents(shape, np.dtype(np.uint16).itemsize, str(path))  # two slices far apart claim all between them
     if image.SegmentationType == "LABELMAP":
         data = np.zeros(shape, dtype=np.uint16)
         data[:, :, index] = frames.transpose(2, 1, 0)
@@ -108,7 +109,7 @@ def _frames(path: Path, image: Any) -> AnyArray:
             str(path), expected=f"{expected} bytes of voxels", got=f"{len(image.PixelData)}",
             fix="copy or export it again",
         )
-    if count * rows * columns > 8 * _MOST_VOXELS:
+    if count * rows * columns > _MOST_IN_FRAMES:
         raise _bad(path, "frames that fit in memory", f"{count} of {rows} × {columns}")
     voxels: AnyArray = np.asarray(image.pixel_array).reshape(count, rows, columns)
     return voxels
