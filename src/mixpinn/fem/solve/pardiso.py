@@ -1,6 +1,7 @@
 """MKL PARDISO for symmetric matrices, called directly: in double or single precision, whole or in two halves."""
 
 import ctypes
+import math
 import sys
 from dataclasses import dataclass, field
 from functools import cache
@@ -58,14 +59,14 @@ class _Handle:
         self.options[34] = 1  # indices count from zero
 
 
-def _aligned(array: FloatArray, number: type[np.floating[Any]]) -> FloatArray:
-    """A copy in Fortran's order from a multiple of 64 bytes on: MKL's last digits depend on where arrays begin."""
-    size = array.size * np.dtype(number).itemsize
+def _aligned(values: FloatArray | float, number: type[np.floating[Any]], shape: tuple[int, ...]) -> FloatArray:
+    """`values` in Fortran's order from a multiple of 64 bytes on: MKL's last digits depend on where arrays begin."""
+    size = math.prod(shape) * np.dtype(number).itemsize
     memory = np.empty(size + 64, dtype=np.uint8)
     begin = -memory.ctypes.data % 64
-    copy = memory[begin : begin + size].view(number).reshape(array.shape, order="F")
-    copy[...] = array
-    return copy
+    array = memory[begin : begin + size].view(number).reshape(shape, order="F")
+    array[...] = values
+    return array
 
 
 class _PardisoError(Exception):
@@ -199,7 +200,7 @@ class PardisoSolver:
         assert self._matrix is not None
         self._active = None
         size, m = self._matrix.shape[0], len(self._kept) if handle.kind == 2 else 0
-        self._values = _aligned(self._matrix.data, handle.number)
+        self._values = _aligned(self._matrix.data, handle.number, self._matrix.data.shape)
         if not handle.analysed:
             handle.options[35] = 2 if m else 0  # form the Schur complement and keep the factors
             handle.options[23] = 1 if m else 0  # which needs the two-level factorization
@@ -246,8 +247,8 @@ class PardisoSolver:
 
     def _call(self, handle: _Handle, phase: int, rhs: FloatArray) -> FloatArray:
         assert self._pattern is not None
-        right = _aligned(rhs, handle.number)
-        solution, error = _aligned(np.zeros_like(right), handle.number), ctypes.c_int32(0)
+        right, solution = (_aligned(values, handle.number, rhs.shape) for values in (rhs, 0.0))
+        error = ctypes.c_int32(0)
         starts, columns = (np.ascontiguousarray(part, dtype=np.int32) for part in self._pattern)
         # A single triangular solve is over before a second thread has begun.
         handle.options[24] = int(phase > _FACTORIZE and right.ndim == 1)
