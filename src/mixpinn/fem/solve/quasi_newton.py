@@ -108,8 +108,11 @@ class UpdatedInverse:
         The pair that waits is taken in.
         """
         pair, seen = self._pending, self._seen
+        if pair is None or seen is None or pair.new is not residual or pair.old is not seen.vector:
+            self._settle()
+            pair = None
         found = self._see(residual)
-        if pair is not None and seen is not None and pair.new is residual and pair.old is seen.vector:
+        if pair is not None and seen is not None:
             self._pending = None
             new, old = found.half, seen.half
             change = _Seen(
@@ -122,9 +125,6 @@ class UpdatedInverse:
                 residual, new, np.append(found.along, _product(pair.step, residual)),
                 np.append(found.across, self._with(change.half, found)),
             )
-        elif pair is not None:
-            self._settle()
-            found = self._see(residual)
         self._seen = found
         return self._kept_part(found)
 
