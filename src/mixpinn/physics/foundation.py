@@ -99,6 +99,7 @@ class FoundationSystem:
         sink = np.concatenate([*sinks, np.empty(0)])
         self._both = ~np.isfinite(sink)
         self._sink = np.where(self._both, 1.0, sink)[:, None]
+        self._rest = _penalty(self._sink, self._sink)
 
     def __len__(self) -> int:
         return len(self.nodes)
@@ -106,15 +107,14 @@ class FoundationSystem:
     def energy(self, moved: AnyArray) -> float:
         """E [N mm] for the displacement of all nodes [mm], shape (n, 3)."""
         u = np.asarray(moved, dtype=np.float64)[self.nodes]
-        law, rest = _penalty(self._sink - u, self._sink), _penalty(self._sink, self._sink)
-        lifted = law[0] - rest[0] + rest[1] * u
+        lifted = _penalty(self._sink - u, self._sink)[0] - self._rest[0] + self._rest[1] * u
         along = np.where(self._both[:, None], 0.5 * u * u, lifted)
         return float((self._normal * along + 0.5 * self._across * u * u).sum())
 
     def add_forces(self, moved: AnyArray, nodal: AnyArray) -> None:
         """Add ∂E/∂u [N] to the forces `nodal` of all nodes, shape (n, 3)."""
         u = np.asarray(moved, dtype=np.float64)[self.nodes]
-        lifted = _penalty(self._sink, self._sink)[1] - _penalty(self._sink - u, self._sink)[1]
+        lifted = self._rest[1] - _penalty(self._sink - u, self._sink)[1]
         np.add.at(nodal, self.nodes, self._normal * np.where(self._both[:, None], u, lifted) + self._across * u)
 
     def add_stiffness(self, moved: AnyArray, diagonals: FloatArray) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 from mixpinn.base.arrays import FloatArray
 from mixpinn.base.errors import InputError
 from mixpinn.physics.joint_kernel import motions_and_gradients
-from mixpinn.physics.joint_motion import CarriedFrame, motion_curvature, motion_gradient, relative_motion
+from mixpinn.physics.joint_motion import CarriedFrame, motion_curvature
 from mixpinn.physics.joints import JointLaw
 from mixpinn.records.joint_frame import JointFrame
 
@@ -101,11 +101,10 @@ class JointSystem:
             dense: rows and columns of the parts' twists, shape (6K, 6K).
             project: lift negative eigenvalues of each joint's share to zero.
         """
-        for j, joint in enumerate(self.joints):
-            frames = self._carried(j, rotation, translation)
-            motion, rate = relative_motion(*frames), motion_gradient(*frames)
+        motions, rates = self._motions_and_gradients(rotation, translation)
+        for j, (joint, motion, rate) in enumerate(zip(self.joints, motions, rates, strict=True)):
             tangent = rate.T @ joint.law.tangent(motion) @ rate
-            tangent += motion_curvature(*frames, joint.law.wrench(motion))
+            tangent += motion_curvature(*self._carried(j, rotation, translation), joint.law.wrench(motion))
             if project:
                 values, vectors = np.linalg.eigh(tangent)
                 tangent = (vectors * np.maximum(values, 0.0)) @ vectors.T
