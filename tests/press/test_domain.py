@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from mixpinn.base.errors import InputError
+from mixpinn.base.validated import checked_record
 from mixpinn.geometry.probe_pose import probe_rotation
 from mixpinn.press.domain import PoseDomain
 from training.toy_block import block_mesh
@@ -47,4 +48,4 @@ def test_what_makes_no_sense_is_refused(domain, tilt, depth) -> None:
 
 
 def test_plain_values_keep_a_domain(domain) -> None:
-    assert PoseDomain.of_dict(domain.as_dict()) == domain
+    assert checked_record(PoseDomain, domain.as_dict(), "pose model", remake="fit it again") == domain

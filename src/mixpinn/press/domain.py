@@ -117,14 +117,6 @@ class PoseDomain:
         """Plain values."""
         return asdict(self)
 
-    @staticmethod
-    def of_dict(values: dict[str, Any]) -> "PoseDomain":
-        """From what `as_dict` gave."""
-        return PoseDomain(
-            float(values["deepest"]), _three(values["direction"]), float(values["tilt_deg"]), _two(values["low"]),
-            _two(values["high"]),
-        )
-
 
 def _across(direction: FloatArray) -> FloatArray:
     """Two unit vectors across a unit vector, shape (2, 3)."""
