@@ -130,7 +130,7 @@ def kept(path: Path) -> Press | None:
         return None
     with np.load(path) as stored:
         return Press(**{name: stored[name] for name in ("force", "translation", "field", "det_f")},
-                     seconds=float(stored["seconds"]), ended=bool(stored["ended"]))
+                     seconds=float(stored["seconds"]), ended=bool(stored.get("ended", True)))
 
 
 def keep(path: Path, found: Press) -> None:

@@ -43,6 +43,12 @@ def test_presses_survive_the_cache(tmp_path):
     assert again.seconds == 1.0
 
 
+def test_presses_kept_before_they_said_whether_they_ended_are_whole(tmp_path):
+    entries = vars(press(3.0, 1.0))
+    np.savez(tmp_path / "pose.npz", **{name: entries[name] for name in entries if name != "ended"})
+    assert truth.kept(tmp_path / "pose.npz").ended
+
+
 @pytest.mark.parametrize("order", [1, 2])
 def test_loads_of_the_linear_study_are_the_integral_of_the_pressure(order):
     mesh = block((10, 1, 8), size=(200.0, 20.0, 160.0))
