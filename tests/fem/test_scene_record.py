@@ -130,3 +130,10 @@ def test_a_joint_law_of_the_users_own_is_refused_with_the_remedy():
     record = scene_record(with_joints(Joint(FRAME, BushingOfMine(JOINTS[0].law.stiffness))))
     with pytest.raises(InputError, match=r"BushingOfMine.*joints="):
         recorded_restraints(record, "store")
+
+
+@pytest.mark.parametrize("entries", [5, None, "front", {"face": "front"}, [5], [None]])
+@pytest.mark.parametrize("name", ["joints", "foundations"])
+def test_damaged_restraints_are_refused(name, entries):
+    with pytest.raises(InputError, match="store"):
+        recorded_restraints({name: entries}, "store")

@@ -104,5 +104,3 @@ def recorded_restraints(record: Mapping[str, Any], where: str) -> Restraints:
         InputError: a law of the user's own, which the record names but cannot rebuild, or a damaged entry.
     """
     return Restraints.of_record(record, where)
-
-

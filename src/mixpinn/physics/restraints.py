@@ -12,6 +12,7 @@ from mixpinn.records.plain import KIND, plain
 
 JOINTS, FOUNDATIONS = "joints", "foundations"
 """Entries of a record, absent where there are none."""
+_REMAKE = "make it again"
 
 
 @dataclass(frozen=True)
@@ -42,14 +43,16 @@ class Restraints:
         Raises:
             InputError: a law of the user's own, or a damaged entry.
         """
-        foundations = tuple(
-            checked_record(
-                Foundation, {key: value for key, value in dict(entry).items() if key != KIND}, where,
-                remake="make it again",
-            )
-            for entry in record.get(FOUNDATIONS, ())
+        joints, foundations = (
+            checked_record(list[dict[str, Any]], record.get(key, []), f"{where}: {key}", remake=_REMAKE, finite=False)
+            for key in (JOINTS, FOUNDATIONS)
         )
-        return Restraints(joints_of(record.get(JOINTS, ()), where), foundations)
+        return Restraints(joints_of(joints, where), tuple(
+            checked_record(
+                Foundation, {key: value for key, value in entry.items() if key != KIND}, where, remake=_REMAKE,
+            )
+            for entry in foundations
+        ))
 
 
 FREE = Restraints()
