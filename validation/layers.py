@@ -1,18 +1,19 @@
 """Layers: a block of skin, fat and muscle against its closed form, and an indentation of two layers by scikit-fem."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import skfem
-from skfem.helpers import ddot, eye, sym_grad, trace
 
-from mixpinn.base.arrays import FloatArray
-from mixpinn.fem import ElasticSystem, LinearElastic, Material, StableNeoHookean, default_solver, solve_imposed
+from mixpinn.base.arrays import FloatArray, IntArray
+from mixpinn.fem import ElasticSystem, LinearElastic, StableNeoHookean, default_solver, solve_imposed
 from mixpinn.records import TissueMesh
 from validation.blocks import grid_block
 from validation.newton import equilibrium
 from validation.result import Result, Section, picture
+from validation.scikit_oracle import scikit_stiffness
 
 LAYERS = (
     ("muscle", 20.0, StableNeoHookean.from_young(62.2e-3, 0.45)),
@@ -86,43 +87,16 @@ def indentation_errors(order: int) -> tuple[float, float]:
 
 
 def oracle(
-    mesh: TissueMesh, materials: list[LinearElastic] | list[Material], nodes: FloatArray, push: FloatArray,
+    mesh: TissueMesh, materials: Sequence[LinearElastic], nodes: IntArray, push: FloatArray,
 ) -> tuple[FloatArray, float]:
     """scikit-fem's displacement of every node of the mesh [mm] and the force on the pushed ones along y [N]."""
-    element = skfem.ElementTetP1() if mesh.order == 1 else skfem.ElementTetP2()
-    basis = skfem.Basis(
-        skfem.MeshTet(mesh.points.T.copy(), mesh.cells.T.astype(np.int64).copy()), skfem.ElementVector(element),
-        intorder=2 * mesh.order,
-    )
-    constants = np.array([[m.mu, m.lam] for m in materials])  # type: ignore[union-attr]
-    constant = basis.with_element(skfem.ElementTetP0())
-    mu, lam = (constant.interpolate(constants[mesh.tissue.astype(int), column]) for column in (0, 1))
-
-    @skfem.BilinearForm
-    def stiffness(u, v, w):  # type: ignore[no-untyped-def]
-        strain = sym_grad(u)
-        return ddot(2.0 * w.mu * strain + w.lam * eye(trace(strain), 3), sym_grad(v))
-
-    matrix = stiffness.assemble(basis, mu=mu, lam=lam)
-    # scikit-fem's unknowns by place: those of nodes and edges each have the coordinates of their point
-    at = np.round(basis.doflocs.T / 1e-6).astype(np.int64)
-    components = basis.doflocs.shape[1] // mesh.n_nodes
-    assert components == 3
-    known = {tuple(place): i for i, place in enumerate(np.round(mesh.node_points / 1e-6).astype(np.int64).tolist())}
-    node = np.array([known[tuple(place)] for place in at.tolist()])
-    axis = np.empty(basis.N, dtype=int)
-    for row in (*basis.nodal_dofs.reshape(-1, 3, basis.nodal_dofs.shape[1]),
-                *(basis.edge_dofs.reshape(-1, 3, basis.edge_dofs.shape[1]) if mesh.order == 2 else ())):
-        for component in range(3):
-            axis[row[component]] = component
-    unknown = np.empty((mesh.n_nodes, 3), dtype=int)
-    unknown[node, axis] = np.arange(basis.N)
-    solution = np.zeros(basis.N)
-    solution[unknown[nodes].ravel()] = np.asarray(push).ravel()
+    stiffness, unknown = scikit_stiffness(mesh, materials)
+    solution = np.zeros(unknown.size)
+    solution[unknown[nodes]] = push
     held = np.concatenate([unknown[mesh.node_fixed].ravel(), unknown[nodes].ravel()])
-    solution = skfem.solve(*skfem.condense(matrix, np.zeros(basis.N), x=solution, D=held))
+    solution = skfem.solve(*skfem.condense(stiffness, np.zeros(unknown.size), x=solution, D=held))
     field: FloatArray = solution[unknown]
-    return field, float((matrix @ solution)[unknown[nodes, 1]].sum())
+    return field, float((stiffness @ solution)[unknown[nodes, 1]].sum())
 
 
 def run(folder: Path) -> Section:

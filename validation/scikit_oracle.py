@@ -1,10 +1,13 @@
 """Linear elasticity by scikit-fem: another code's displacement of a loaded, clamped body on the same mesh."""
 
+from collections.abc import Sequence
+
 import numpy as np
+import scipy.sparse as sp
 import skfem
 from skfem.helpers import ddot, eye, sym_grad, trace
 
-from mixpinn.base.arrays import FloatArray
+from mixpinn.base.arrays import FloatArray, IntArray
 from mixpinn.fem import ElasticSystem, LinearElastic, LinearSolver
 from mixpinn.records import TissueMesh
 from mixpinn.records.mid_edges import edge_index
@@ -12,27 +15,35 @@ from validation.blocks import block, labelled
 from validation.newton import equilibrium
 
 
-def scikit_displacement(mesh: TissueMesh, material: LinearElastic, load: FloatArray) -> FloatArray:
-    """Displacement of every node [mm], shape (n, 3), under forces on the nodes [N], shape (n, 3); order 1 or 2."""
+def scikit_stiffness(mesh: TissueMesh, materials: Sequence[LinearElastic]) -> tuple[sp.csr_matrix, IntArray]:
+    """Stiffness of a body of order 1 or 2 with a material for each tissue, and each node's unknowns, shape (n, 3)."""
     element = skfem.ElementTetP1() if mesh.order == 1 else skfem.ElementTetP2()
     basis = skfem.Basis(
         skfem.MeshTet(mesh.points.T.copy(), mesh.cells.T.astype(np.int64).copy()),
         skfem.ElementVector(element), intorder=mesh.order,
     )
+    constant, tissue = basis.with_element(skfem.ElementTetP0()), mesh.tissue.astype(int)
+    mu = constant.interpolate(np.array([material.mu for material in materials])[tissue])
+    lam = constant.interpolate(np.array([material.lam for material in materials])[tissue])
 
     @skfem.BilinearForm
-    def stiffness(u, v, _):  # type: ignore[no-untyped-def]
+    def stiffness(u, v, w):  # type: ignore[no-untyped-def]
         strain = sym_grad(u)
-        return ddot(2.0 * material.mu * strain + material.lam * eye(trace(strain), 3), sym_grad(v))
+        return ddot(2.0 * w.mu * strain + w.lam * eye(trace(strain), 3), sym_grad(v))
 
     unknown = basis.nodal_dofs.T
     if mesh.order == 2:  # its unknowns lie at the vertices and at the midpoints of its own edges
         own = np.argsort(edge_index(mesh, basis.mesh.edges.T))
         unknown = np.concatenate([unknown, basis.edge_dofs.T[own]])
-    rhs = np.zeros(basis.N)
+    return stiffness.assemble(basis, mu=mu, lam=lam), unknown
+
+
+def scikit_displacement(mesh: TissueMesh, material: LinearElastic, load: FloatArray) -> FloatArray:
+    """Displacement of every node [mm], shape (n, 3), under forces on the nodes [N], shape (n, 3); order 1 or 2."""
+    stiffness, unknown = scikit_stiffness(mesh, [material])
+    rhs = np.zeros(unknown.size)
     rhs[unknown] = load
-    clamped = unknown[mesh.node_fixed].ravel()
-    found: FloatArray = skfem.solve(*skfem.condense(stiffness.assemble(basis), rhs, D=clamped))[unknown]
+    found: FloatArray = skfem.solve(*skfem.condense(stiffness, rhs, D=unknown[mesh.node_fixed].ravel()))[unknown]
     return found
 
 
