@@ -26,7 +26,8 @@ from scipy import spatial
 from benchmarks.history import report
 from mixpinn.base.cache import cache_folder
 from mixpinn.base.files import atomic_path, write_json, write_text
-from mixpinn.fem import PAPER_TISSUE, PoseSimulator, Scene, StableNeoHookean
+from mixpinn.fem import PAPER_TISSUE, Material, PoseSimulator, Scene
+from mixpinn.fem.material.tissue_presets import MODULI, TissuePreset
 from mixpinn.mesh import load_paper_mesh
 from mixpinn.records import Probe, ProbePath, TissueMesh
 from mixpinn.records.answer import discretisation_of
@@ -36,9 +37,6 @@ POSITIONS = np.array([[30.0, 133.0, -55.0], [50.0, 133.0, -15.0], [50.0, 133.0, 
 DEPTHS = np.array([5.0, 10.0, 15.0, 20.0])
 SHELL = 15.0
 """Thickness of the synthetic layer of fat [mm]."""
-COMPRESSION, SHEAR = (26.1e-3, 62.2e-3), (2.3e-3, 3.0e-3)
-"""Young's moduli of fat and muscle [N/mm²]: from compression of the buttock, and three times shear moduli of MR
-elastography there (`mixpinn.fem.material.tissue_presets` has sources and ranges)."""
 
 
 def with_shell(mesh: TissueMesh) -> TissueMesh:
@@ -54,13 +52,13 @@ def with_shell(mesh: TissueMesh) -> TissueMesh:
 
 def scene_of(
     mesh: TissueMesh, probe: Probe, *, joints: str = "none", support: SupportConfig = AS_MESHED,
-    moduli: tuple[float, float] | None = None,
+    moduli: TissuePreset = TissuePreset.NONE,
 ) -> Scene:
-    """A set-up: joints and support, and Young's moduli of fat and muscle [N/mm²] where there is a layer."""
-    materials = (PAPER_TISSUE,)
-    if moduli is not None:
+    """A set-up: joints and support, and the moduli of fat and muscle where there is a layer."""
+    materials: tuple[Material, ...] = (PAPER_TISSUE,)
+    if moduli is not TissuePreset.NONE:
         mesh = with_shell(mesh)
-        materials = tuple(StableNeoHookean.from_young(young, 0.45) for young in reversed(moduli))
+        materials = tuple(MODULI[moduli][group].material() for group in ("muscle", "fat"))
     mesh, foundations = supported(mesh, support)
     return Scene(mesh, probe, materials, foundations=foundations).joined(joints)
 
@@ -79,8 +77,9 @@ SETUPS: dict[str, Callable[[TissueMesh, Probe], Scene]] = {
         m, p, joints=PRONE, support=SupportConfig(caps="sliding")),
     "no joints, on a table": lambda m, p: scene_of(m, p, support=SupportConfig(front="table")),
     "joints in-vivo-prone, synthetic fat, compression moduli": lambda m, p: scene_of(
-        m, p, joints=PRONE, moduli=COMPRESSION),
-    "joints in-vivo-prone, synthetic fat, elastography moduli": lambda m, p: scene_of(m, p, joints=PRONE, moduli=SHEAR),
+        m, p, joints=PRONE, moduli=TissuePreset.COMPRESSION),
+    "joints in-vivo-prone, synthetic fat, elastography moduli": lambda m, p: scene_of(
+        m, p, joints=PRONE, moduli=TissuePreset.ELASTOGRAPHY),
 }
 
 
