@@ -2,10 +2,10 @@
 
 ``python -m benchmarks.full_width STORE --out DIR [--models row-1 row-2 row-10 row-11] [--seeds 0 1] [--epochs 10]``
 trains every model of the list with every seed, on a GPU where there is one, and measures the errors at the test
-positions of the split ``every-fifth``. What is finished is kept in DIR, so that a run goes on where an earlier one
-ended; ``--at-once N`` trains N networks at a time, each in a process of its own, and ``--minutes`` begins none after
-that time. The table, and the ratios by which virtual nodes (row 10) and virtual edges (row 11) lower the rigid error,
-are written to ``DIR/full-width.md``; the last line is a JSON object.
+positions of the split ``every-fifth``. What is finished is kept in DIR, so that a run with the same settings goes on
+where an earlier one ended; ``--at-once N`` trains N networks at a time, each in a process of its own, and
+``--minutes`` begins none after that time. The table, and the ratios by which virtual nodes (row 10) and virtual edges
+(row 11) lower the rigid error, are written to ``DIR/full-width.md``; the last line is a JSON object.
 
 Errors are those against the recordings in the store, on their own mesh.
 """
@@ -60,6 +60,20 @@ class OnDevice:
         return answer
 
 
+def settings_of(options: argparse.Namespace) -> dict[str, Any]:
+    """What a network is trained with, besides its name and seed."""
+    return {"epochs": options.epochs, "width": options.width, "learning_rate": options.learning_rate}
+
+
+def finished(options: argparse.Namespace, name: str, seed: int) -> dict[str, Any] | None:
+    """The result of a model and seed; None where there is none with these settings."""
+    path = options.out / f"{name}-seed-{seed}" / "result.json"
+    if not path.is_file():
+        return None
+    result: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    return result if result.get("settings") == settings_of(options) else None
+
+
 def run_one(options: argparse.Namespace, name: str, seed: int) -> None:
     """Train and test one network; the result is written last."""
     folder = options.out / f"{name}-seed-{seed}"
@@ -74,7 +88,8 @@ def run_one(options: argparse.Namespace, name: str, seed: int) -> None:
     test = table.select(choose_samples(table, split, None).test)
     found = evaluate(OnDevice(folder, mesh, name, device), test, mesh, split="test")
     write_json(folder / "result.json", {
-        "model": name, "seed": seed, "epochs": len(trained.history), "best_epoch": trained.best_epoch,
+        "model": name, "seed": seed, "settings": settings_of(options), "epochs": len(trained.history),
+        "best_epoch": trained.best_epoch,
         "validation_loss": trained.best_validation_loss, "training_seconds": trained.seconds, "samples": len(test),
         "device": torch.cuda.get_device_name() if device.type == "cuda" else "CPU",
         "minutes": (time.perf_counter() - began) / 60.0,
@@ -86,8 +101,7 @@ def run_all(options: argparse.Namespace) -> None:
     """Every model and seed that is missing, each in a process of its own; the first seeds first."""
     deadline = time.monotonic() + 60.0 * options.minutes
     waiting = [
-        (seed, name) for seed, name in product(options.seeds, options.models)
-        if not (options.out / f"{name}-seed-{seed}" / "result.json").is_file()
+        (seed, name) for seed, name in product(options.seeds, options.models) if finished(options, name, seed) is None
     ]
     running: list[tuple[subprocess.Popen[bytes], str]] = []
     while waiting or running:
@@ -111,9 +125,8 @@ def run_all(options: argparse.Namespace) -> None:
 
 def results(options: argparse.Namespace) -> list[dict[str, Any]]:
     """What is finished, in the order of models and seeds."""
-    runs = product(options.models, options.seeds)
-    paths = [options.out / f"{name}-seed-{seed}" / "result.json" for name, seed in runs]
-    return [json.loads(path.read_text(encoding="utf-8")) for path in paths if path.is_file()]
+    found = (finished(options, name, seed) for name, seed in product(options.models, options.seeds))
+    return [one for one in found if one is not None]
 
 
 def gains(found: Sequence[dict[str, Any]]) -> dict[str, dict[str, float]]:

@@ -9,11 +9,13 @@ GPU it says so and ends with exit code 2.
 """
 
 import argparse
+import os
+import signal
 import statistics
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -121,10 +123,25 @@ def times(
 
 def train_rows(options: argparse.Namespace, minutes: float) -> None:
     """Rows 2 and 10 for equal passes, side by side."""
-    subprocess.run([
+    run_within(60.0 * minutes, [
         sys.executable, "-m", "benchmarks.full_width", str(options.store), "--out", str(options.out / "training"),
         "--models", "row-2", "row-10", "--seeds", "0", "--epochs", str(options.epochs), "--at-once", "2",
-    ], check=False, timeout=60.0 * minutes)
+    ])
+
+
+def run_within(seconds: float, command: Sequence[str]) -> None:
+    """Run a command; after that time it ends with all that it has started.
+
+    Raises:
+        TimeoutExpired: it was ended.
+    """
+    process = subprocess.Popen(command, start_new_session=True)
+    try:
+        process.wait(timeout=seconds)
+    except BaseException:
+        os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+        raise
 
 
 def main() -> None:
