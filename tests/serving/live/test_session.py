@@ -2,6 +2,7 @@
 
 import threading
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -42,6 +43,23 @@ def test_friction_goes_on_along_a_drag_and_forgets_when_told(pressing) -> None:
     alone = pressing.press(way[-1].translation).force
     assert_array_equal(straight.answer.force[0], alone)
     assert abs(expected[-1][0] - alone[0]) > 0.01  # dragged skin pulls back
+
+
+def test_friction_remembers_nothing_of_an_answer_that_did_not_converge(pressing, monkeypatch) -> None:
+    first, second = above(x=14.0, depth=4.0), above(x=16.0, depth=4.0)
+    with LiveSession(pressing) as session:
+        ask = session._ask
+
+        def unsolved(probes, history):
+            answer = ask(probes, history)
+            return replace(answer, trust=replace(answer.trust, converged=False))
+
+        with monkeypatch.context() as hard:
+            hard.setattr(session, "_ask", unsolved)
+            assert not session.press(first).answer.trust.converged
+        found = session.press(second)
+    assert not found.remembered
+    assert_array_equal(found.answer.force[0], pressing.press(second.translation).force)
 
 
 def test_matrices_move_the_parts_as_the_field_does(pressing) -> None:

@@ -264,9 +264,10 @@ class LiveSession:
             history = self._usable_history(probes)
             answer = self._ask(probes, history)
             remembered = history is not None
-            if remembered and not (answer.trust is not None and answer.trust.converged):
+            if remembered and not _converged(answer):
                 answer, remembered = self._ask(probes, None), False
-            self._history = probes, answer.history
+            # Where contact did not converge nobody knows where the skin was gripped: the next answer comes straight.
+            self._history = (probes, answer.history) if _converged(answer) else None
         depths = self._depths(probes)
         matrices = motion_matrices(self._model.hybrid.mesh, answer.motions)
         placed = tuple(replace(probe, depth=float(d)) for probe, d in zip(probes, depths, strict=True))
@@ -305,6 +306,10 @@ class LiveSession:
     def _refuse_closed(self) -> None:
         if self._closed:
             raise _closed()
+
+
+def _converged(answer: Answer) -> bool:
+    return answer.trust is not None and answer.trust.converged
 
 
 def checked_predictor(predictor: AnyPredictor) -> HybridPredictor:
