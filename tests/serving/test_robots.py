@@ -1,10 +1,12 @@
 """For robots and learners: many poses at once, the depth that feels a force, how the wrench changes with the pose."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from mixpinn.base.errors import InputError
+from mixpinn.base.errors import InputError, SolveError
 from mixpinn.geometry.probe_pose import probe_rotation
 from mixpinn.geometry.rotations import rotation_from_vector
 from serving.live.pressed import UP, above, block_predictor
@@ -102,3 +104,16 @@ def test_the_stiffness_is_that_of_other_central_differences(pressing, remembered
 def test_pressing_deeper_pushes_back_harder(pressing) -> None:
     found = pressing.stiffness(above().translation)
     assert found[1, 1] < 0.0  # along −y the force on the probe, +y, grows
+
+
+def test_a_stiffness_of_answers_that_did_not_converge_is_refused(pressing, monkeypatch) -> None:
+    press, asked = pressing.press, []
+
+    def one_unsolved(*args, **named):
+        answer = press(*args, **named)
+        asked.append(answer)
+        return replace(answer, trust=replace(answer.trust, converged=len(asked) != 7))
+
+    monkeypatch.setattr(pressing, "press", one_unsolved)
+    with pytest.raises(SolveError, match="1 of 12 poses"):
+        pressing.stiffness(above().translation, threads=1)

@@ -236,6 +236,7 @@ class HybridPredictor:
 
         Raises:
             InputError: as `press`.
+            SolveError: contact did not converge.
         """
         from mixpinn.serving.stiffness import stiffness
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mixpinn.base.arrays import AnyArray, FloatArray
+from mixpinn.base.errors import SolveError
 from mixpinn.geometry.probe_pose import probe_rotation
 from mixpinn.geometry.rotations import rotation_from_vector
 from mixpinn.serving.many_poses import press_many
@@ -42,6 +43,7 @@ def stiffness(
 
     Raises:
         InputError: as `HybridPredictor.press`.
+        SolveError: an answer did not converge, so that differences of it mean nothing.
     """
     place = np.asarray(tip, dtype=np.float64)
     turn = probe_rotation(rotation_deg, direction) if rotation is None else np.asarray(rotation, dtype=np.float64)
@@ -53,6 +55,9 @@ def stiffness(
             vector[k] = sign * TURN
             turns[6 + 2 * k + side] = rotation_from_vector(vector) @ turn
     answers = press_many(predictor, shifts, rotations=turns, history=history, threads=threads)
+    unsolved = sum(answer.trust is not None and not answer.trust.converged for answer in answers)
+    if unsolved:
+        raise SolveError(f"stiffness: contact did not converge in {unsolved} of {len(answers)} poses around the place")
     wrench = np.array([np.concatenate([answer.force, answer.moment]) for answer in answers])
     half = np.repeat([SHIFT, TURN], 3)
     found: FloatArray = ((wrench[0::2] - wrench[1::2]) / (2.0 * half[:, None])).T
