@@ -162,3 +162,22 @@ def test_the_full_solution_beside_the_model(straight, predictor, monkeypatch) ->
     assert_allclose(straight.value("Array.from(m.stage.values)"), difference[skin], atol=2.5e-3)
     straight.set_slider("depth", 2)  # another pose: nothing is known of its difference
     assert straight.page.locator("#colour").input_value() == "displacement"
+
+
+def test_a_comparison_goes_on_while_the_probe_moves_and_says_that_it_has(straight, monkeypatch) -> None:
+    moved = threading.Event()
+
+    def held(setup, *, progress, finished):
+        return InThread(setup, progress=progress, finished=lambda found: moved.wait(60.0) and finished(found))
+
+    monkeypatch.setattr("mixpinn.server.orders.FullSolution", held)
+    straight.set_slider("depth", 2)
+    straight.page.locator("#compare").click()
+    straight.page.evaluate("window.mixpinn.link.send({ type: 'skin', id: 0, point: [900, 0, 0], depth: 2 })")
+    straight.wait("!document.getElementById('notice').hidden")  # that pose was refused
+    assert straight.text("compare") == "Stop"
+    straight.set_slider("depth", 3)
+    moved.set()
+    straight.wait("document.getElementById('compared').textContent.startsWith('Difference')", seconds=60.0)
+    assert straight.text("compared").splitlines()[-1].startswith("The probe has moved since")
+    assert straight.page.locator("#colour [value=difference]").is_disabled()

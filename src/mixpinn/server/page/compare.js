@@ -15,7 +15,6 @@ export class Comparison {
     this.link = link;
     this.stage = stage;
     this.running = false;
-    this.poseId = 0; // of the answer that is compared
     this.before = "displacement"; // what was coloured by
     this.colourBy = colourBy;
     at("compare").addEventListener("click", () => this.start());
@@ -23,7 +22,10 @@ export class Comparison {
       if (this.running) at("compared").textContent = `Solving: ${detail.done} of ${detail.of} steps, ${detail.seconds.toFixed(0)} s`;
     });
     link.addEventListener("comparison", ({ detail }) => this.#tell(detail));
-    link.addEventListener("error", ({ detail }) => this.running && this.#stop(detail.what ? `${detail.text}` : ""));
+    link.addEventListener("error", ({ detail }) => {
+      // An error with a number is of a pose: the solution goes on.
+      if (this.running && detail.id === null) this.#stop(detail.text);
+    });
     link.addEventListener("closed", () => this.#stop(""));
     probes.addEventListener("wish", () => this.#forget());
   }
@@ -57,13 +59,14 @@ export class Comparison {
     return true;
   }
 
-  #tell({ mean, largest, force, seconds, model_ms: modelMs, converged }) {
+  #tell({ id, mean, largest, force, seconds, model_ms: modelMs, converged }) {
     const newton = (value) => Math.hypot(...[value].flat(2)).toFixed(2);
     this.#stop([
       `Difference: mean ${mean.toFixed(3)} mm, largest ${largest.toFixed(2)} mm`,
       `Force: ${newton(force.full)} N, model ${newton(force.model)} N`,
       `Time: ${seconds.toFixed(1)} s, model ${modelMs.toFixed(1)} ms`,
       ...(converged ? [] : ["The full solution did not converge."]),
+      ...(id === this.stage.answer?.poseId ? [] : ["The probe has moved since: this is of where it was."]),
     ].join("\n"));
   }
 
