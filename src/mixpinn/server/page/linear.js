@@ -20,33 +20,6 @@ export const turn = (m, v) => [
   m[6] * v[0] + m[7] * v[1] + m[8] * v[2],
 ];
 
-/** Product of two 3 × 3 matrices. */
-export function compose(a, b) {
-  const out = new Array(9);
-  for (let i = 0; i < 3; i++) {
-    for (let j = 0; j < 3; j++) {
-      out[3 * i + j] = a[3 * i] * b[j] + a[3 * i + 1] * b[3 + j] + a[3 * i + 2] * b[6 + j];
-    }
-  }
-  return out;
-}
-
-/** Rotation about the y axis, right-handed [rad]. */
-export function aboutY(angle) {
-  const c = Math.cos(angle), s = Math.sin(angle);
-  return [c, 0, s, 0, 1, 0, -s, 0, c];
-}
-
-/** The shortest turn of unit vector `start` onto unit vector `end`, which must not be its opposite. */
-export function shortestTurn(start, end) {
-  const v = cross(start, end), k = 1 / (1 + dot(start, end));
-  return [
-    1 - k * (v[1] * v[1] + v[2] * v[2]), -v[2] + k * v[0] * v[1], v[1] + k * v[0] * v[2],
-    v[2] + k * v[0] * v[1], 1 - k * (v[0] * v[0] + v[2] * v[2]), -v[0] + k * v[1] * v[2],
-    -v[1] + k * v[0] * v[2], v[0] + k * v[1] * v[2], 1 - k * (v[0] * v[0] + v[1] * v[1]),
-  ];
-}
-
 /** 4 × 4 columns from a rotation's rows and a translation. */
 export const placement = (r, t) => new Float32Array([
   r[0], r[3], r[6], 0, r[1], r[4], r[7], 0, r[2], r[5], r[8], 0, t[0], t[1], t[2], 1,
