@@ -117,5 +117,5 @@ def _next_depth(known: dict[float, float], force: float, deepest: float) -> floa
     found = float(np.exp(guess))
     # A force beyond all that is known: the deepest pose tells whether it can be reached at all.
     if high == deepest and deepest not in known:
-        return min(found, deepest) if found < 0.97 * deepest else deepest
+        return found if found < 0.97 * deepest else deepest
     return found if low < found < high else 0.5 * (low + high)
