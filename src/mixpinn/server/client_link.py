@@ -23,6 +23,7 @@ from mixpinn.server.protocol import (
     error_message,
 )
 from mixpinn.server.service import Service
+from mixpinn.serving.live.error_field import error_field
 from mixpinn.serving.live.records import LiveAnswer, Refusal
 from mixpinn.serving.live.session import LiveSession
 
@@ -235,9 +236,8 @@ class ClientLink:
                 return
 
     def _frame(self, found: LiveAnswer, kind: Kind) -> bytes:
-        assert self._orders is not None
         nodes = self._service.scene.skin_nodes if self.choices.vertices is Vertices.SKIN else None
-        errors = self._orders.errors(found) if self.choices.errors else None
+        errors = error_field(found.answer) if self.choices.errors else None
         return encode_answer(
             found, encoding=self.choices.encoding, vertices=nodes, kind=kind, now=time.perf_counter(), errors=errors,
         )
