@@ -30,6 +30,7 @@ from websockets.sync.client import connect
 
 from benchmarks.history import report
 from benchmarks.live_page import drag_on_page
+from benchmarks.machine import processor_seconds
 from mixpinn.geometry.probe_pose import ProbePose
 from mixpinn.server.protocol import SUBPROTOCOL, Flag, decode_answer
 from mixpinn.serving import HybridPredictor, load_predictor
@@ -86,8 +87,7 @@ class Server:
     @property
     def cpu_seconds(self) -> float:
         """Processor time of the process so far [s]."""
-        fields = Path(f"/proc/{self.process.pid}/stat").read_text().rsplit(")", 1)[1].split()
-        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+        return processor_seconds(self.process.pid)
 
     def stop(self) -> None:
         """End it."""

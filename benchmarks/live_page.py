@@ -8,7 +8,8 @@ from urllib.parse import urlsplit
 import numpy as np
 
 _NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
-_ARGUMENTS = ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox"]
+# No graphics card and no window; the sandbox needs rights that containers do not give.
+ARGUMENTS = ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox"]
 _NOTHING = {"pictures_per_s": None, "drag_to_picture_ms_p95": None, "external_requests": None}
 # A picture counts when its pixels are there: one of them is read back. The probe goes over the skin in an ellipse.
 _DRAG = """async (seconds) => {
@@ -54,6 +55,11 @@ _DRAG = """async (seconds) => {
 }"""
 
 
+def find_chromium() -> str | None:
+    """Path of Chromium or Chrome: what ``MIXPINN_CHROMIUM`` says, or the first that is installed."""
+    return os.environ.get("MIXPINN_CHROMIUM") or next(filter(None, map(shutil.which, _NAMES)), None)
+
+
 def drag_on_page(url: str, seconds: float) -> dict[str, Any]:
     """Drag the probe over the page in a Chromium without a window.
 
@@ -61,7 +67,7 @@ def drag_on_page(url: str, seconds: float) -> dict[str, Any]:
         url: of the server.
         seconds: how long; 0 measures nothing.
     """
-    chromium = os.environ.get("MIXPINN_CHROMIUM") or next(filter(None, map(shutil.which, _NAMES)), None)
+    chromium = find_chromium()
     if chromium is None or not seconds:
         return _NOTHING
     try:
@@ -72,7 +78,7 @@ def drag_on_page(url: str, seconds: float) -> dict[str, Any]:
     complaints: list[str] = []
     own = urlsplit(url).netloc
     with sync_playwright() as running:
-        browser = running.chromium.launch(executable_path=chromium, args=_ARGUMENTS)
+        browser = running.chromium.launch(executable_path=chromium, args=ARGUMENTS)
         page = browser.new_page(viewport={"width": 1280, "height": 720})
         page.on("request", lambda request: foreign.append(request.url) if _foreign(request.url, own) else None)
         page.on("console", lambda said: complaints.append(said.text) if said.type == "error" else None)

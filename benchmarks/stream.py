@@ -23,6 +23,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.history import report
+from benchmarks.machine import processor_seconds
 from mixpinn.base.errors import InputError
 from mixpinn.server.igtl.header import HEADER_SIZE, Header
 from mixpinn.server.igtl.message import Message
@@ -81,15 +82,6 @@ async def play(options: argparse.Namespace, contents: Sequence[bytes], parts: in
     finally:
         process.terminate()
         await process.wait()
-
-
-def processor_seconds(pid: int) -> float:
-    """Processor time that a process has taken so far [s]; not a number where the system does not say."""
-    try:
-        fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-    except OSError:
-        return float("nan")
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 async def _talk(

@@ -1,5 +1,6 @@
 """What a client may order besides poses: forget, compare, record, replay, save."""
 
+import logging
 import threading
 import time
 from collections.abc import Callable, Mapping
@@ -9,19 +10,19 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from mixpinn.base.arrays import FloatArray
 from mixpinn.base.errors import InputError, MixpinnError
 from mixpinn.records.answer import Answer
 from mixpinn.server.messages import Order
 from mixpinn.server.protocol import ErrorCode, Kind, error_message
 from mixpinn.server.service import Download, Service
 from mixpinn.serving.live.comparison import FullSolution, Setup
-from mixpinn.serving.live.error_field import error_field
 from mixpinn.serving.live.export import save_series, save_table
 from mixpinn.serving.live.recording import Recording, Replay
 from mixpinn.serving.live.records import LiveAnswer
 from mixpinn.serving.live.session import LiveSession
 from mixpinn.serving.motions import motion_matrices
+
+logger = logging.getLogger(__name__)
 
 
 class Listener(Protocol):
@@ -63,10 +64,6 @@ class ClientOrders:
         if order.type not in self._does:
             raise InputError(order.type, expected="to be said once, first of all", got="it again", fix="leave it out")
         self._does[order.type](order)
-
-    def errors(self, found: LiveAnswer) -> FloatArray | None:
-        """Expected error of each node [mm], shape (n,)."""
-        return error_field(found.answer)
 
     def close(self) -> None:
         """The client has gone."""
@@ -118,10 +115,10 @@ class ClientOrders:
         newest = self._session.newest
         if recording is None and newest is None:
             raise InputError("save", expected="an answer", got="none yet", fix="press somewhere first")
-        if len(self._downloads) >= self._service.limits.saved:
-            self._service.withdraw(self._downloads.pop(0))
         if not self._saving.acquire(blocking=False):
             raise InputError("save", expected="one file at a time", got="another one", fix="wait for 'saved'")
+        if len(self._downloads) >= self._service.limits.saved:
+            self._service.withdraw(self._downloads.pop(0))
 
         def write(path: Path) -> None:
             if recording is None:
@@ -143,7 +140,7 @@ class ClientOrders:
                 self._client.tell({
                     "type": "saved", "url": found.url, "name": name, "bytes": found.path.stat().st_size,
                 })
-            except MixpinnError as error:
+            except Exception as error:  # whatever it is: the client waits for a word
                 self._client.tell(error_message(as_input_error(error, "save"), ErrorCode.REFUSED))
             finally:
                 self._saving.release()
@@ -172,6 +169,8 @@ class ClientOrders:
         def finished(found: Answer | MixpinnError) -> None:
             try:
                 self._tell_difference(newest, found, time.perf_counter() - began)
+            except Exception as error:
+                self._client.tell(error_message(as_input_error(error, "compare"), ErrorCode.REFUSED))
             finally:
                 self._solution = None
                 self._service.comparing.release()
@@ -191,8 +190,7 @@ class ClientOrders:
 
     def _tell_difference(self, newest: LiveAnswer, found: Answer | MixpinnError, seconds: float) -> None:
         if isinstance(found, MixpinnError):
-            self._client.tell(error_message(as_input_error(found, "compare"), ErrorCode.REFUSED))
-            return
+            raise found
         # Both came straight: what friction remembers of the drag is no part of the difference.
         probe, began = newest.probes[0], time.perf_counter()
         mine = self._service.predictor.press(probe.pose.translation, rotation=probe.pose.rotation)
@@ -212,8 +210,14 @@ class ClientOrders:
         })
 
 
-def as_input_error(error: MixpinnError, what: str) -> InputError:
-    """Any error of the project as one that a client is told of."""
+def as_input_error(error: Exception, what: str) -> InputError:
+    """Any error as one that a client is told of; the traceback of one that is not the project's is in the log."""
     if isinstance(error, InputError):
         return error
+    if not isinstance(error, MixpinnError):
+        logger.error("%s failed", what, exc_info=error)
+        return InputError(
+            what, expected="to succeed", got=f"{type(error).__name__}: {error}",
+            fix="try again, and report this with the server's log",
+        )
     return InputError(what, expected="to succeed", got=str(error), fix="choose another pose, or free some memory")

@@ -1,7 +1,5 @@
 """A real browser on a small body: a server of the toy block, Chromium without a window, and what the page shows."""
 
-import os
-import shutil
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -9,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.live_page import ARGUMENTS, find_chromium
 from mixpinn.geometry.probe_shapes import spherical_probe
 from mixpinn.press.domain import PoseDomain
 from mixpinn.press.error_law import PoseErrorLaw
@@ -17,10 +16,6 @@ from mixpinn.server.run import LiveServer
 from mixpinn.serving import HybridPredictor
 from server.page.screen import Screen
 from serving.live.pressed import UP, block_predictor
-
-_NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
-# No graphics card and no window; the sandbox needs rights that containers do not give.
-_ARGUMENTS = ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox"]
 
 
 @pytest.fixture(scope="session")
@@ -50,12 +45,12 @@ def server(predictor: HybridPredictor) -> Iterator[LiveServer]:
 @pytest.fixture(scope="module")
 def browser() -> Iterator[object]:
     """Chromium; skips where it is absent. Ends with its module: it holds the thread's event loop."""
-    found = os.environ.get("MIXPINN_CHROMIUM") or next(filter(None, map(shutil.which, _NAMES)), None)
+    found = find_chromium()
     if found is None:
         pytest.skip("no Chromium: install it (apt-get install chromium) or set MIXPINN_CHROMIUM")
     playwright = pytest.importorskip("playwright.sync_api", reason="no Playwright: pip install playwright")
     with playwright.sync_playwright() as running:
-        browser = running.chromium.launch(executable_path=found, args=_ARGUMENTS)
+        browser = running.chromium.launch(executable_path=found, args=ARGUMENTS)
         yield browser
         browser.close()
 
