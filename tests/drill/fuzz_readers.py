@@ -3,7 +3,7 @@
     python tests/drill/fuzz_readers.py READER CORPUS [options of libFuzzer, such as -max_total_time=600]
 
 READER is one of `READERS`; CORPUS is a folder for inputs that reach new code, begun with small sound files. It needs
-the extra ``fuzz`` (atheris) and is never part of the tests; what it found is kept in ``fuzz_found.py``, which is.
+the extra ``fuzz`` (atheris) and is never part of the tests; what it found is kept in ``test_fuzz_found.py``, which is.
 """
 
 import contextlib
@@ -19,6 +19,9 @@ import numpy as np
 
 ROOT = Path(__file__).parents[2]
 sys.path[:0] = [str(ROOT), str(ROOT / "tests"), str(ROOT / "src")]
+
+from drill.fuzz_bundles import BundleReader, sound_bundle  # noqa: E402 (found from here on)
+from drill.fuzz_foreign import foreign_seeds, read_foreign  # noqa: E402
 
 
 def _tables(folder: Path, content: bytes) -> None:
@@ -66,82 +69,12 @@ def _meshes(folder: Path, content: bytes) -> None:
     assert np.isfinite(mesh.points).all()
 
 
-def _foreign(folder: Path, content: bytes) -> None:
-    """Meshes and probes that a process of its own reads: the first byte says of which kind."""
-    from mixpinn.mesh.import_vtu import import_vtu
-    from mixpinn.records import Probe
-
-    names = ("m.vtu", "m.vtk", "m.msh", "p.stl", "p.ply", "p.obj", "p.vtp")
-    name = names[content[0] % len(names)] if content else names[0]
-    (folder / name).write_bytes(content[1:])
-    (Probe.load if name.startswith("p") else import_vtu)(folder / name)
-
-
-_BUNDLE_FILES = (
-    "hybrid.json", "hybrid.safetensors", "pose.safetensors", "mesh.vtu", "manifest.json", "prior/prior.json",
-    "prior/compliance.npy", "prior/manifest.json",
-)
-
-
-def _bundles(folder: Path, content: bytes) -> None:
-    """One file of a bundle: the first byte says which; its manifest is made to fit unless it is the file itself."""
-    from mixpinn.serving import load_predictor
-    from mixpinn.stages.seal import seal_folder
-
-    bundle = folder / "bundle"
-    if not bundle.exists():
-        _sound_bundle(bundle)
-    name = _BUNDLE_FILES[content[0] % len(_BUNDLE_FILES)] if content else _BUNDLE_FILES[0]
-    altered = (bundle / name, bundle / "manifest.json", bundle / "prior/manifest.json")
-    kept = {path: path.read_bytes() for path in altered}
-    try:
-        (bundle / name).write_bytes(content[1:])
-        if not name.endswith("manifest.json"):
-            for manifest in (bundle / "prior/manifest.json", bundle / "manifest.json"):
-                manifest.unlink()
-            seal_folder(bundle / "prior")
-            seal_folder(bundle)
-        predictor = load_predictor(bundle, threads=1, warm_up=False)
-        nodes = predictor.model.prior.nodes[:3]
-        answer = predictor.predict_at(nodes, np.tile([0.0, -0.5, 0.1], (len(nodes), 1)))
-        assert np.isfinite(answer.displacement).all()
-    finally:
-        for path, sound in kept.items():
-            path.write_bytes(sound)
-
-
-def _sound_bundle(folder: Path) -> None:
-    """A bundle of a block of 27 nodes, nothing learned."""
-
-    from mixpinn.fem import ContactConfig, StableNeoHookean
-    from mixpinn.geometry.probe_shapes import linear_probe
-    from mixpinn.press.files import save_pose_model
-    from mixpinn.records import TissueMesh
-    from mixpinn.reduced.equilibrium import Equilibrium
-    from mixpinn.reduced.hybrid import HybridModel
-    from mixpinn.reduced.prior import ElasticPrior
-    from mixpinn.stages.hybrid import plain_pose_model, save_bundle
-    from validation.kuhn import grid_points, kuhn_cells
-
-    axis = np.linspace(-30.0, 30.0, 4)
-    points = grid_points(axis, axis, axis)
-    cells = kuhn_cells((3, 3, 3))
-    inside = (np.abs(points) < 11.0).all(axis=1)
-    part = inside.astype(np.int16)
-    cells = cells[~inside[cells].all(axis=1)].astype(np.int32)
-    mesh = TissueMesh(
-        points, cells, part, points[:, 1] < -29.0, ("bone",), np.zeros(len(cells), np.int16), ("soft tissue",),
-    )
-    materials = (StableNeoHookean(mu=8.76e-3, lam=8.47e-2),)
-    prior = ElasticPrior.build(mesh, materials, nodes=np.flatnonzero(points[:, 1] > 29.0))
-    model = HybridModel.of_prior(prior, Equilibrium.of_materials(mesh, materials))
-    save_bundle(model, folder)
-    save_pose_model(plain_pose_model(model, linear_probe(), ContactConfig()), folder)
-
-
+_bundles = BundleReader()
 READERS: dict[str, Callable[[Path, bytes], None]] = {
-    "tables": _tables, "labels": _labels, "meshes": _meshes, "foreign": _foreign, "bundles": _bundles,
+    "tables": _tables, "labels": _labels, "meshes": _meshes, "foreign": read_foreign, "bundles": _bundles,
 }
+
+
 def _compiled() -> list[str]:
     """Modules with kernels, which cannot be instrumented."""
     source = ROOT / "src"
@@ -151,15 +84,29 @@ def _compiled() -> list[str]:
     ]
 
 
+def _in_text(mesh: bytes) -> bytes:
+    """A ``.vtu`` whose numbers are text, which more alterations leave readable."""
+    from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridReader, vtkXMLUnstructuredGridWriter
+
+    reader, writer = vtkXMLUnstructuredGridReader(), vtkXMLUnstructuredGridWriter()
+    reader.SetReadFromInputString(True)
+    reader.SetInputString(mesh.decode("ascii"))
+    reader.Update()
+    writer.SetInputData(reader.GetOutput())
+    writer.SetDataModeToAscii()
+    writer.SetWriteToOutputString(True)
+    writer.Write()
+    return writer.GetOutputString().encode("ascii")
+
+
 def seeds(reader: str) -> list[bytes]:
     """Small sound files to begin with."""
     if reader == "bundles":
         with tempfile.TemporaryDirectory() as folder:
-            _sound_bundle(Path(folder) / "b")
-            return [
-                bytes([index]) + (Path(folder) / "b" / name).read_bytes() for index, name in enumerate(_BUNDLE_FILES)
-            ]
-    from drill.poisons import archive, grid, metaimage, nifti, nrrd, saved, stl
+            return _bundles.seeds(Path(folder))
+    if reader == "foreign":
+        return foreign_seeds()
+    from drill.odd_files import archive, metaimage, nifti, nrrd, saved
 
     if reader == "labels":
         names = b'<CaretExtension><Label Key="1">vertebrae_L1</Label></CaretExtension>'
@@ -167,14 +114,12 @@ def seeds(reader: str) -> list[bytes]:
             b"\x00" + nifti(), b"\x01" + nifti(), b"\x02" + nrrd(), b"\x03" + metaimage(), b"\x01" + names,
             b"\x02" + nrrd("1 9 9 9").replace(b"dimension: 3", b"dimension: 4"),
         ]
-    if reader == "foreign":
-        files = [grid(".vtu"), grid(".vtk"), grid(".msh")]
-        return [*(bytes([i]) + text.encode() for i, text in enumerate(files)), b"\x03" + stl()]
     if reader == "meshes":
         with tempfile.TemporaryDirectory() as folder:
-            _sound_bundle(Path(folder) / "b")
+            sound_bundle(Path(folder))
             frame = {"first": "a", "second": "b", "origin": [0, 0, 0], "axes": np.eye(3).tolist(), "spacing": 1.0}
-            return [(Path(folder) / "b" / "mesh.vtu").read_bytes(), json.dumps({"joints": [frame]}).encode()]
+            mesh = (Path(folder) / "mesh.vtu").read_bytes()
+            return [mesh, _in_text(mesh), json.dumps({"joints": [frame]}).encode()]
     return [
         b"\x00node,dx,dy,dz\n3,0,-1,0\n", b"\x00302.0;0,5;-1,25;0\n",
         b'\x01{"nodes": [1], "displacements": [[0, 1, 2]]}',

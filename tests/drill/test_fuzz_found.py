@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from drill.fuzz_readers import READERS
-from drill.poisons import metaimage, nifti, nrrd
+from drill.odd_files import metaimage, nifti, nrrd
 from mixpinn.base.errors import InputError
 
 AXES = np.eye(3).tolist()

@@ -3,7 +3,8 @@
 import resource
 import time
 
-from drill.poisons import POISONS, Kitchen
+from drill.kitchen import Kitchen
+from drill.poisons import POISONS
 from pipeline.chain import command, contents
 from stages.test_seal import bundle  # noqa: F401 (a fixture)
 
