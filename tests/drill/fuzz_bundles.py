@@ -68,6 +68,7 @@ class BundleReader:
 
     def __call__(self, folder: Path, content: bytes) -> None:
         from mixpinn.base.manifest import Artefact
+        from mixpinn.reduced.prior import ElasticPrior
         from mixpinn.serving import load_predictor
 
         bundle = folder / "bundle"
@@ -81,6 +82,9 @@ class BundleReader:
                 path.write_bytes(_vouched(name, content[1:]))
             else:
                 self._write(path, content[1:])
+            if name.startswith("prior/manifest"):  # that of the bundle would hide it
+                ElasticPrior.load(path.parent, self._mesh)
+                return
             if name.endswith("manifest.json"):
                 predictor = load_predictor(bundle, threads=1, warm_up=False)
             else:  # manifests would hide what stands behind them

@@ -14,7 +14,6 @@ import os
 import signal
 import subprocess
 import sys
-import tempfile
 import threading
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -22,6 +21,7 @@ from typing import Any
 
 from mixpinn.base.arrays import AnyArray
 from mixpinn.base.bounded import memory_at_hand
+from mixpinn.base.scratch_folder import scratch_folder
 from mixpinn.base.tensor_file import read_arrays, write_arrays
 
 Reader = Callable[[Path], tuple[Mapping[str, AnyArray], object]]
@@ -48,8 +48,8 @@ def read_apart(reader: Reader, path: Path | str) -> tuple[dict[str, AnyArray], A
     path = Path(path).absolute()
     size = path.stat().st_size
     seconds = _SECONDS + _SECONDS_A_BYTE * size
-    with _one_at_a_time, tempfile.TemporaryDirectory(prefix="mixpinn-read-") as folder:
-        out = Path(folder) / "arrays.safetensors"
+    with _one_at_a_time, scratch_folder() as folder:
+        out = folder / "arrays.safetensors"
         answer = _ask({
             "module": reader.__module__, "function": reader.__name__, "path": str(path), "out": str(out),
             "memory": min(_MEMORY + _MEMORY_A_BYTE * size, memory_at_hand()), "seconds": seconds,

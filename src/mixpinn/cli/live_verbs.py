@@ -1,6 +1,8 @@
 """The verbs of live sessions: serve, view."""
 
 import contextlib
+import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -18,6 +20,15 @@ Host = Annotated[str, typer.Option(help="Address to listen on; beyond this machi
 Token = Annotated[str | None, typer.Option(envvar="MIXPINN_TOKEN", help="What every request must bring.")]
 
 
+@contextlib.contextmanager
+def _until_interrupted() -> Iterator[None]:
+    """An interruption is how a server ends: one line, and no error."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        print("mixpinn: stopped serving", file=sys.stderr)
+
+
 @app.command()
 def serve(bundle: Bundle, port: Port = 8321, host: Host = "127.0.0.1", token: Token = None) -> None:
     """Answer poses live, over WebSocket and HTTP, until interrupted."""
@@ -29,7 +40,7 @@ def serve(bundle: Bundle, port: Port = 8321, host: Host = "127.0.0.1", token: To
     def ready(server: "LiveServer") -> None:
         say(f"Serving {bundle} at {server.url} (interrupt to end)")
 
-    with contextlib.suppress(KeyboardInterrupt):  # how a server ends
+    with _until_interrupted():
         run(bundle, door, ready=ready)
 
 
@@ -49,5 +60,5 @@ def view(
             warn(f"no browser was found; open {server.url} in one")
         say(f"{bundle} at {server.url} (interrupt to end)")
 
-    with contextlib.suppress(KeyboardInterrupt):
+    with _until_interrupted():
         run(bundle, Door(port=port), ready=ready)

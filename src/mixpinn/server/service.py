@@ -1,14 +1,16 @@
 """Service: what all clients of a server share: the bundle, the threads that answer, and the room that there is."""
 
 import secrets
-import tempfile
 import threading
 import time
+import weakref
 from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
+from mixpinn.base.scratch_folder import scratch_folder
 from mixpinn.server.limits import Limits
 from mixpinn.server.scene import SceneFiles
 from mixpinn.serving.hybrid_predictor import HybridPredictor
@@ -74,7 +76,9 @@ class Service:
         self.comparing = threading.Lock()
         self._guests: set[Guest] = set()
         self._downloads: dict[str, Download] = {}
-        self._folder = tempfile.TemporaryDirectory(prefix="mixpinn-server-")
+        opened = ExitStack()
+        self._folder = opened.enter_context(scratch_folder())
+        self._remove_folder = weakref.finalize(self, opened.close)
         self.sessions = 0
 
     def admit(self, guest: Guest) -> bool:
@@ -105,7 +109,7 @@ class Service:
             InputError: it cannot be written.
         """
         key = secrets.token_urlsafe(24)
-        path = Path(self._folder.name) / key / name
+        path = self._folder / key / name
         write(path)
         self._downloads[key] = Download(path, name, key)
         return self._downloads[key]
@@ -123,4 +127,4 @@ class Service:
     def close(self) -> None:
         """Stop answering."""
         self.worker.close()
-        self._folder.cleanup()
+        self._remove_folder()

@@ -1,0 +1,43 @@
+"""Servers that are killed and stopped while they start and serve: they end in one line, and the port is free."""
+
+import zlib
+
+import numpy as np
+import pytest
+
+from drill.service_drill import Service, killed
+from mixpinn.press.files import save_pose_model
+from mixpinn.records import MESH_FILE
+from serving.live.pressed import block_predictor
+
+KINDS = ("SIGTERM", "SIGINT", "SIGKILL", "SIGSTOP")
+SHORT = {("serve", "SIGINT")}
+"""What is done outside of `make drill`."""
+
+
+@pytest.fixture(scope="module")
+def bundle(tmp_path_factory):
+    folder, predictor = tmp_path_factory.mktemp("bundle"), block_predictor()
+    predictor.mesh.save(folder / MESH_FILE)
+    predictor.model.save(folder)
+    save_pose_model(predictor.pose, folder)
+    return folder
+
+
+def service(name, bundle):
+    page = b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n"
+    if name == "stream":  # greets before it is asked
+        return Service(name, (name, str(bundle)), b"", clean=False)
+    words = (name, str(bundle), *(("--no-browser",) if name == "view" else ()))
+    return Service(name, words, page, clean=True)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("name", ["serve", "view", "stream"])
+def test_a_killed_server_ends_and_the_next_one_serves(bundle, name, kind, drill, tmp_path):
+    if not drill and (name, kind) not in SHORT:
+        pytest.skip("only in 'make drill'")
+    rng = np.random.default_rng(zlib.crc32(f"{name} {kind}".encode()))
+    wrong = killed(service(name, bundle), bundle, tmp_path, kind=kind, rng=rng)
+    print(f"{name}: {kind} while starting and while serving; {len(wrong)} wrong")
+    assert not wrong, "\n".join(wrong)
