@@ -168,6 +168,9 @@ def _in_a_pose(path: Path) -> bool:
 
 
 def _same(first: Path, second: Path, name: str) -> bool:
+    if name.endswith(".npz"):
+        one, other = (dict(np.load(folder / name)) for folder in (first, second))
+        return one.keys() == other.keys() and all(np.array_equal(array, other[key]) for key, array in one.items())
     if not name.endswith(".safetensors"):
         return bool(_content(first, name) == _content(second, name))
     one, other = load_file(first / name), load_file(second / name)
