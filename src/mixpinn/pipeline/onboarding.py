@@ -46,7 +46,8 @@ class OnboardingConfig:
         simulation: mechanics, probe, and the poses to choose from.
         hybrid: modes and regression.
         poses: how many poses are simulated in all; 0 stops at the prior.
-        first_round: poses of the first round; each further round doubles the number of poses.
+        first_round: poses of the first round; each further one doubles the number of poses, until the last, which has
+            as many again and tests what was learned from all before.
         pictures: render the last round's typical prediction.
     """
 
@@ -54,7 +55,7 @@ class OnboardingConfig:
     mesh: MeshConfig = field(default_factory=MeshConfig)
     simulation: SimulationConfig = field(default_factory=SimulationConfig)
     hybrid: HybridConfig = field(default_factory=HybridConfig)
-    poses: int = 32
+    poses: int = 40
     first_round: int = 8
     pictures: bool = True
 
@@ -126,11 +127,8 @@ def _learn(model: HybridModel, mesh: TissueMesh, config: OnboardingConfig, clock
     """Rounds of simulation, test and fit."""
     scene, store = begin_simulations(mesh, config.simulation, out=out / "simulation")
     ordered = farthest_first(store.poses)[: config.poses]
-    ends = [config.first_round]
-    while ends[-1] < len(ordered):
-        ends.append(2 * ends[-1])
     seen = 0
-    for end in (min(end, len(ordered)) for end in ends):
+    for end in round_ends(len(ordered), config.first_round):
         _simulate(scene, store, ordered[seen:end], config)
         table = _samples_of(build_sample_table(store), ordered[seen:end])
         entry: dict[str, Any] = {"stage": f"{end} poses", "poses": end - seen, "samples": len(table)}
@@ -150,6 +148,14 @@ def _learn(model: HybridModel, mesh: TissueMesh, config: OnboardingConfig, clock
         if end == len(ordered):
             _report(store, table, config, out)
         seen = end
+
+
+def round_ends(poses: int, first: int) -> list[int]:
+    """After how many poses each round ends, for so many `poses` in all and `first` in the first round."""
+    ends = [min(first, poses)]
+    while 2 * ends[-1] < poses - first:
+        ends.append(2 * ends[-1])
+    return sorted({*ends, max(poses - first, ends[-1]), poses})
 
 
 def _simulate(scene: Scene, store: SimulationStore, poses: Any, config: OnboardingConfig) -> None:

@@ -13,6 +13,7 @@ from mixpinn.base.progress import track
 from mixpinn.fem import ElasticSystem, Material, default_solver
 from mixpinn.records import SampleTable
 from mixpinn.records.answer import discretisation_of
+from mixpinn.reduced.drawn_steps import drawn_steps
 from mixpinn.reduced.equilibrium import Equilibrium
 from mixpinn.reduced.error_estimate import ErrorEstimate, Signs
 from mixpinn.reduced.hybrid import HybridModel, features
@@ -36,6 +37,8 @@ class HybridConfig:
         compress: with a positive value, the bundle holds the prior as a low-rank product with at most this relative
             error (Frobenius norm) instead of the whole matrix.
         mode_samples: samples from which the modes are taken, drawn from the training samples.
+        drawn_contacts: contacts without simulation whose Newton steps the modes are taken from as well
+            (`mixpinn.reduced.drawn_steps`).
         seed: of that draw.
     """
 
@@ -46,6 +49,7 @@ class HybridConfig:
     ridge: tuple[float, ...] = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0)
     compress: float = 0.0
     mode_samples: int = 2400
+    drawn_contacts: int = 600
     seed: int = 0
 
     def __post_init__(self) -> None:
@@ -54,6 +58,10 @@ class HybridConfig:
                 raise InputError(
                     f"hybrid.{name}", expected="at least 1", got=str(getattr(self, name)), fix="correct the setting",
                 )
+        if self.drawn_contacts < 0:
+            raise InputError(
+                "hybrid.drawn_contacts", expected="0 or more", got=str(self.drawn_contacts), fix="correct the setting",
+            )
         if not (self.ridge and min(self.ridge) > 0.0):
             raise InputError(
                 "hybrid.ridge", expected="positive numbers", got=str(self.ridge), fix="correct the setting",
@@ -178,17 +186,19 @@ def fit_correction(
     rng = np.random.default_rng(config.seed)
     weights = prior.coordinates.weights
     drawn = prepared.select(np.sort(rng.permutation(len(prepared))[: config.mode_samples]))
-    modes = principal_modes(drawn.missed, weights, config.modes, rng=rng)
     principal = principal_modes(drawn.response, weights, config.coordinates, rng=rng)
     principal = excited_modes(principal, weights, drawn.response)
     tied = prior.restraints
     system = ElasticSystem(prior.mesh, materials, joints=tied.joints, foundations=tied.foundations)
     linear = default_solver()
     linear.factorize(system.tangent(system.rest_state(), project=True))
+    equilibrium = Equilibrium.of_materials(prior.mesh, materials, tied)
+    steps = _DRAWN_SHARE * drawn_steps(prior, equilibrium, linear, config.drawn_contacts)
+    shown = np.concatenate([drawn.missed, _no_larger(steps, drawn.missed, weights)])
+    modes = principal_modes(shown, weights, config.modes, rng=rng)
     duals = linear.solve(np.asfortranarray((weights**2 * modes).T, dtype=np.float64)).T
     newton = ModalNewton(
-        prior, Equilibrium.of_materials(prior.mesh, materials, tied), modes,
-        np.ascontiguousarray(duals, dtype=np.float32),
+        prior, equilibrium, modes, np.ascontiguousarray(duals, dtype=np.float32),
         np.ascontiguousarray(prior.compliance.times(weights**2 * modes)),
     )
     readers = np.ascontiguousarray(prior.compliance.times(weights**2 * principal))
@@ -201,6 +211,16 @@ def fit_correction(
         newton, readers, gain, about=chosen, newton_length=length,
         reach=_REACH * learned_share(step, features(step, coordinates) @ gain, length),
     )
+
+
+_DRAWN_SHARE = 0.5
+"""What a Newton step of a drawn contact counts for beside what is missed on a simulation; chosen by hand."""
+
+
+def _no_larger(fields: Float32Array, known: Float32Array, weights: Float32Array) -> Float32Array:
+    """Fields (N, D), those cut back that are larger than any of the known ones (S, D)."""
+    size, most = (np.linalg.norm(rows * weights, axis=1) for rows in (fields, known))
+    return fields * np.minimum(1.0, most.max() / np.maximum(size, 1e-12))[:, None].astype(np.float32)
 
 
 _REACH = 2.0

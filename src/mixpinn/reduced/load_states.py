@@ -78,4 +78,4 @@ def draw_loads(
             if pushes.all() or not pushes.any():
                 break
             held = held[pushes]
-    return loads.reshape(count, -1).astype(np.float32)
+    return loads.reshape(count, points.size).astype(np.float32)
