@@ -31,7 +31,7 @@ class Screen:
         self.complaints: list[str] = []
         self.foreign: list[str] = []
         self.downloads, self._url = downloads, url
-        self.page.on("console", lambda said: said.type in ("error", "warning") and self.complaints.append(said.text))
+        self.page.on("console", self._hear)
         self.page.on("pageerror", lambda error: self.complaints.append(str(error)))
         self.page.on("request", self._watch)
         self.page.goto(url)
@@ -124,6 +124,11 @@ class Screen:
         path = self.downloads / coming.value.suggested_filename
         coming.value.save_as(path)
         return path
+
+    def _hear(self, said: Any) -> None:
+        # Chromium without a graphics card fetches each picture from WebGL itself, and warns of its own doing.
+        if said.type in ("error", "warning") and "GPU stall due to ReadPixels" not in said.text:
+            self.complaints.append(said.text)
 
     def _watch(self, request: Any) -> None:
         if not request.url.startswith((self._url, self._url.replace("http", "ws"), "blob:", "data:")):

@@ -1,5 +1,6 @@
 // Sliders, choices and buttons of the left panel, kept in step with what mouse and keys do.
 
+import { write } from "./calm.js";
 import { gradient } from "./colours.js";
 import { LIMITS } from "./probes.js";
 
@@ -11,13 +12,14 @@ const SLIDERS = { depth: "depth", spin: "turn", "tilt-right": "tiltRight", "tilt
  * @param {import("./stage.js").Stage} stage
  * @param {import("./probes.js").Probes} probes
  * @param {import("./link.js").Link} link
+ * @param {import("./calm.js").Calm} calm
  */
-export function bindProbe(stage, probes, link) {
+export function bindProbe(stage, probes, link, calm) {
   const show = () => {
     for (const [id, name] of Object.entries(SLIDERS)) {
       const value = probes.current[name];
-      at(id).value = value;
-      at(`${id}-value`).textContent = name === "depth" ? `${value.toFixed(1)} mm` : `${value.toFixed(0)}°`;
+      if (Number(at(id).value) !== value) at(id).value = value;
+      write(at(`${id}-value`), name === "depth" ? `${value.toFixed(1)} mm` : `${value.toFixed(0)}°`);
     }
     at("probe-1").checked = probes.active === 0;
     at("probe-2").checked = probes.active === 1;
@@ -38,7 +40,7 @@ export function bindProbe(stage, probes, link) {
     link.chooseFriction(at("friction").checked ? "remembered" : "straight");
     probes.repeat();
   });
-  probes.addEventListener("wish", show);
+  probes.addEventListener("wish", () => calm.ask(probes, show));
   probes.addEventListener("chosen", show);
   show();
 }

@@ -5,7 +5,12 @@ import { address } from "./scene.js";
 
 const AGAIN = [500, 1000, 2000, 4000]; // milliseconds between attempts
 
+const PATIENCE = 1000; // milliseconds until a pose goes out although the last one has not been shown
+
 /**
+ * Poses go out one after another: the next one, the newest that is wanted by then, when the picture of the one before
+ * has been drawn. More of them would only take the processor's time from drawing.
+ *
  * Dispatches `open`, `closed` (detail: why, in words), `answer` (detail: an Answer) and the type of each control
  * message of the server (detail: the message).
  */
@@ -18,6 +23,9 @@ export class Link extends EventTarget {
     this.nextId = 1;
     this.asked = 0; // when the first pose went out that has not been answered or refused; 0: none
     this.waiting = new Map(); // of each probe the newest pose that has not gone out
+    this.flying = 0; // number of the newest pose that went out and was not shown or refused yet; 0: none
+    this.due = false; // poses go out at the end of this task
+    this.timer = 0;
   }
 
   connect() {
@@ -39,11 +47,15 @@ export class Link extends EventTarget {
       if (message.type === "welcome") {
         this.attempts = 0;
         this.#tell("open", message);
-      } else this.#tell(message.type, message);
+      } else {
+        if (message.type === "error" && message.id === this.flying) this.#landed();
+        this.#tell(message.type, message);
+      }
     });
     socket.addEventListener("close", ({ code, reason }) => {
       this.waiting.clear();
-      this.asked = 0;
+      this.asked = this.flying = 0;
+      clearTimeout(this.timer);
       this.#tell("closed", { code, reason });
       setTimeout(() => this.connect(), AGAIN[Math.min(this.attempts++, AGAIN.length - 1)]);
     });
@@ -63,14 +75,19 @@ export class Link extends EventTarget {
   }
 
   /**
-   * Move a probe. What is wanted within one picture goes out once, as it was last.
+   * Move a probe. What is wanted until the next pose can go out goes out once, as it was last.
    *
    * @param {number} probe
    * @param {import("./probes.js").Wish} wish
    */
   press(probe, wish) {
-    if (!this.waiting.size) requestAnimationFrame(() => this.#flush());
     this.waiting.set(probe, wish);
+    this.#next();
+  }
+
+  /** The picture of the answer to pose `id` has been drawn. */
+  shown(id) {
+    if (this.flying && id >= this.flying) this.#landed();
   }
 
   /** Whether friction remembers the way: `remembered` or `straight`. */
@@ -79,7 +96,21 @@ export class Link extends EventTarget {
     this.send({ type: "set", friction });
   }
 
+  #landed() {
+    clearTimeout(this.timer);
+    this.flying = 0;
+    this.#next();
+  }
+
+  #next() {
+    if (this.due || this.flying || !this.waiting.size) return;
+    this.due = true;
+    queueMicrotask(() => this.#flush()); // all probes that this task moves go out together
+  }
+
   #flush() {
+    this.due = false;
+    if (!this.waiting.size) return;
     this.asked ||= performance.now();
     for (const [probe, { point, depth, turn, tiltRight, tiltDown }] of this.waiting) {
       this.send({
@@ -89,6 +120,9 @@ export class Link extends EventTarget {
       });
     }
     this.waiting.clear();
+    if (!this.isOpen) return;
+    this.flying = this.nextId - 1;
+    this.timer = setTimeout(() => this.#landed(), PATIENCE);
   }
 
   #tell(type, detail) {

@@ -1,5 +1,6 @@
 // Puts the page together: scene, picture, connection, controls, numbers.
 
+import { Calm, write } from "./calm.js";
 import { Comparison } from "./compare.js";
 import { bindProbe, bindView } from "./controls.js";
 import { Handles } from "./handles.js";
@@ -22,11 +23,11 @@ function start(scene) {
   at("bundle").textContent = scene.name;
   at("bundle-notes").textContent = scene.warnings.map((text) => `The bundle: ${text}.`).join(" ");
   document.title = `${scene.name} – MIXPINN`;
-  const stage = new Stage(at("canvas"), scene), link = new Link();
-  const probes = new Probes(stage), results = new Results(scene, probes);
+  const stage = new Stage(at("canvas"), scene), link = new Link(), calm = new Calm();
+  const probes = new Probes(stage), results = new Results(scene, probes, calm);
   new Handles(stage, probes);
   labelEdges(stage);
-  bindProbe(stage, probes, link);
+  bindProbe(stage, probes, link, calm);
   const colourBy = bindView(stage);
   const session = new Session(link, stage);
   const comparison = new Comparison(link, stage, probes, colourBy);
@@ -36,7 +37,7 @@ function start(scene) {
     help: () => at("help").showModal(), second: () => probes.choose(1),
   });
   at("help-open").addEventListener("click", () => at("help").showModal());
-  followTheme(() => stage.ask());
+  followTheme(() => stage.dress());
 
   probes.addEventListener("wish", ({ detail }) => link.press(detail, probes.wishes[detail]));
   probes.addEventListener("dismiss", ({ detail }) => link.send({ type: "lift", probe: detail }));
@@ -44,13 +45,20 @@ function start(scene) {
     if (stage.answer) results.show(stage.answer);
     stage.ask();
   });
+  const unknown = at("colour").querySelector("[value=error]");
   link.addEventListener("answer", ({ detail: answer }) => {
     if (comparison.take(answer)) return;
     stage.show(answer); // the numbers follow with the picture: one change of the page costs less than two
-    at("colour").querySelector("[value=error]").disabled = !answer.errors;
+    unknown.disabled = !answer.errors;
     say("");
   });
-  stage.addEventListener("drawn", () => stage.answer && results.show(stage.answer));
+  stage.addEventListener("drawn", () => {
+    if (stage.answer) {
+      link.shown(stage.answer.poseId);
+      results.show(stage.answer);
+    }
+    calm.drawn();
+  });
   link.addEventListener("open", () => {
     tell("open", "Connected");
     say("");
@@ -70,7 +78,7 @@ function start(scene) {
     const { rate } = stage.pace, { answer } = stage;
     const facts = rate > 1 ? [`${rate} pictures/s`] : [];
     if (answer) facts.push(`answer in ${answer.solveMs.toFixed(0)} ms`);
-    at("rate").textContent = facts.join(" · ");
+    write(at("rate"), facts.join(" · "));
   }, 500);
   link.connect();
   return { stage, probes, link };
@@ -82,8 +90,8 @@ function tell(state, text) {
 }
 
 function say(text) {
-  at("notice").hidden = !text;
-  at("notice").textContent = text;
+  if (at("notice").hidden !== !text) at("notice").hidden = !text;
+  write(at("notice"), text);
 }
 
 /** An error of the server for people who did not write the message it answers. */

@@ -2,6 +2,7 @@
 
 const SLOW = 62, FAST = 28; // milliseconds until the browser takes the next picture
 const COARSEST = 0.5;
+const AGAIN = 2000; // milliseconds until a coarser picture becomes finer again: each change costs a new drawing buffer
 const REST = 400; // milliseconds without a change after which the picture is drawn at its finest
 
 export class Pace {
@@ -14,6 +15,7 @@ export class Pace {
     this.interval = FAST;
     this.pending = false;
     this.timer = 0;
+    this.changed = 0; // when the scale did, last
   }
 
   /** Something changed: draw with the next frame of the browser. */
@@ -47,11 +49,15 @@ export class Pace {
   #measure(cost) {
     this.interval += 0.25 * (Math.min(cost, 500) - this.interval);
     if (this.interval > SLOW && this.scale > COARSEST) {
-      this.scale = Math.max(COARSEST, 0.8 * this.scale);
-      this.interval = (SLOW + FAST) / 2;
-    } else if (this.interval < FAST && this.scale < this.fine) {
-      this.scale = Math.min(this.fine, 1.1 * this.scale);
-      this.interval = (SLOW + FAST) / 2;
+      this.#become(Math.max(COARSEST, 0.75 * this.scale));
+    } else if (this.interval < FAST && this.scale < this.fine && performance.now() - this.changed > AGAIN) {
+      this.#become(Math.min(this.fine, 1.25 * this.scale));
     }
+  }
+
+  #become(scale) {
+    this.scale = scale;
+    this.interval = (SLOW + FAST) / 2;
+    this.changed = performance.now();
   }
 }

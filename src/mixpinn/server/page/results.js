@@ -1,22 +1,22 @@
 // Force, trust and motions as numbers, in the digits that the command line prints too.
 
+import { write } from "./calm.js";
 import { length } from "./linear.js";
 
 const at = (id) => document.getElementById(id);
-const EVERY = 100; // milliseconds between two renewals of the numbers: faster than reading, and cheap
 
 export class Results {
   /**
    * @param {import("./scene.js").Scene} scene
    * @param {import("./probes.js").Probes} probes
+   * @param {import("./calm.js").Calm} calm
    */
-  constructor(scene, probes) {
+  constructor(scene, probes, calm) {
     this.probes = probes;
+    this.calm = calm;
     this.end = 10; // of the gauge [N]
-    this.written = 0;
     this.shown = null; // whose numbers stand there, and of which probe
     this.active = 0;
-    this.timer = 0;
     this.rows = scene.parts.map(({ name, label, colour }) => {
       const row = at("motions").insertRow(), dot = document.createElement("i");
       dot.style.background = colour;
@@ -26,33 +26,28 @@ export class Results {
     });
   }
 
-  /** Show an answer, at once or when the last one has been readable for a moment. */
+  /** Show an answer when the last one has been readable for a moment. */
   show(answer) {
-    if (answer === this.shown && this.active === this.probes.active) return;
-    clearTimeout(this.timer);
-    const wait = this.written + EVERY - performance.now();
-    if (wait <= 0) this.#write(answer);
-    else this.timer = setTimeout(() => this.#write(answer), wait);
+    if (answer !== this.shown || this.active !== this.probes.active) this.calm.ask(this, () => this.#write(answer));
   }
 
   #write(answer) {
-    this.written = performance.now();
     this.shown = answer;
     this.active = this.probes.active;
     const own = answer.probes.find((one) => one.index === this.probes.active);
     const other = answer.probes.find((one) => one.index !== this.probes.active);
     const force = own ? length(own.force) : 0;
-    at("force").textContent = force.toFixed(2);
-    at("force-vector").textContent = own ? own.force.map((value) => signed(value)).join("  ") : "–";
+    write(at("force"), force.toFixed(2));
+    write(at("force-vector"), own ? own.force.map((value) => signed(value)).join("  ") : "–");
     at("force-other").hidden = !other;
-    if (other) at("force-second").textContent = `${length(other.force).toFixed(2)} N`;
+    if (other) write(at("force-second"), `${length(other.force).toFixed(2)} N`);
     while (force > this.end) this.end *= 2;
     at("gauge").style.transform = `scaleX(${(force / this.end).toFixed(3)})`;
-    at("gauge-end").textContent = `${this.end} N`;
-    at("tip").textContent = own ? `${own.tip.map((value) => signed(value, 1)).join("  ")} mm` : "–";
+    write(at("gauge-end"), `${this.end} N`);
+    write(at("tip"), own ? `${own.tip.map((value) => signed(value, 1)).join("  ")} mm` : "–");
     this.rows.forEach(({ distance, angle }, k) => {
-      distance.textContent = answer.parts[k].distance.toFixed(2);
-      angle.textContent = answer.parts[k].angle.toFixed(2);
+      write(distance, answer.parts[k].distance.toFixed(2));
+      write(angle, answer.parts[k].angle.toFixed(2));
     });
     this.#trust(answer.trust, own);
     // For whoever drives the page by a script: which answer these numbers are.
@@ -61,22 +56,23 @@ export class Results {
 
   #trust(trust, own) {
     const known = (value, digits, unit) => (value === null ? "not known" : `${value.toFixed(digits)} ${unit}`);
-    at("expected").textContent = known(trust.expected, 3, "mm");
-    at("bound").textContent = known(trust.bound, 3, "mm");
-    at("bound-label").textContent = trust.level ? `${Math.round(100 * trust.level)} % bound` : "Bound";
-    at("force-bound").textContent = known(trust.forceBound, 2, "N");
+    write(at("expected"), known(trust.expected, 3, "mm"));
+    write(at("bound"), known(trust.bound, 3, "mm"));
+    write(at("bound-label"), trust.level ? `${Math.round(100 * trust.level)} % bound` : "Bound");
+    write(at("force-bound"), known(trust.forceBound, 2, "N"));
     // The server's notes carry their verdict in front; the page gives its own.
     const why = trust.notes.map((note) => note.replace(/^the answer [^:]*: /, "")).join("; ");
     if (!trust.converged) {
       at("trust-box").dataset.trust = "unsolved";
-      at("verdict").textContent = `No equilibrium was found. Do not use these numbers${why ? `: ${why}` : ""}.`;
+      write(at("verdict"), `No equilibrium was found. Do not use these numbers${why ? `: ${why}` : ""}.`);
     } else if (trust.outside) {
       at("trust-box").dataset.trust = "outside";
-      at("verdict").textContent = `Outside of what the model has learned: ${why}. The bounds may not hold.`;
+      write(at("verdict"), `Outside of what the model has learned: ${why}. The bounds may not hold.`);
     } else {
       at("trust-box").dataset.trust = "sound";
       const touches = own && length(own.force) > 0;
-      at("verdict").textContent = [touches ? "Within what the model has learned." : "", why && capital(`${why}.`)].join(" ").trim();
+      const within = touches ? "Within what the model has learned." : "";
+      write(at("verdict"), [within, why && capital(`${why}.`)].join(" ").trim());
     }
   }
 }

@@ -37,6 +37,7 @@ export class Stage extends EventTarget {
     this.range = 1; // upper end of the legend [mm]
     this.answer = null;
     this.difference = null;
+    this.ground = [1, 1, 1];
     this.pace = new Pace((scale) => this.#paint(scale));
     this.renderer.setPalette(palette(this.colour));
     new ResizeObserver(() => this.#fit()).observe(canvas);
@@ -73,6 +74,13 @@ export class Stage extends EventTarget {
 
   ask() {
     this.pace.ask();
+  }
+
+  /** Take the ground's colour from the page, when that has changed. */
+  dress() {
+    const ground = getComputedStyle(this.canvas.parentElement).backgroundColor.match(/[\d.]+/g).slice(0, 3);
+    this.ground = ground.map((value) => value / 255);
+    this.ask();
   }
 
   /** A place of the window as the camera takes it, from −1 to 1. */
@@ -146,7 +154,6 @@ export class Stage extends EventTarget {
   #paint(scale) {
     const { clientWidth, clientHeight } = this.canvas;
     this.renderer.resize(Math.max(1, Math.round(clientWidth * scale)), Math.max(1, Math.round(clientHeight * scale)));
-    const ground = getComputedStyle(this.canvas.parentElement).backgroundColor.match(/[\d.]+/g).slice(0, 3);
     const items = this.parts.map(({ mesh, colour }, k) => ({ mesh, colour, model: this.answer?.parts[k].placement }));
     for (const { index, rotation, tip } of this.answer?.probes ?? []) {
       items.push({ mesh: this.probeMesh, colour: PROBES[index % 2], model: placement(rotation, tip) });
@@ -157,7 +164,7 @@ export class Stage extends EventTarget {
         range: this.colour === "none" ? 0 : this.range, cut: this.cut.plane(this.camera.eye),
       });
     }
-    this.renderer.draw(this.camera, items, ground.map((value) => value / 255));
+    this.renderer.draw(this.camera, items, this.ground);
     this.dispatchEvent(new Event("drawn"));
   }
 }
