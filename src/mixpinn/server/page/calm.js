@@ -13,25 +13,26 @@ export class Calm {
   /** Have `change` made soon; an earlier one of the same `owner` that still waits is not made any more. */
   ask(owner, change) {
     this.waiting.set(owner, change);
-    if (!this.timer) this.timer = setTimeout(() => this.#make(), Math.max(0, this.#left) + ANYWAY);
+    if (!this.timer) this.timer = setTimeout(() => this.now(), Math.max(0, this.#left) + ANYWAY);
   }
 
   /** A picture was drawn: what waits may go along. */
   drawn() {
-    if (this.waiting.size && this.#left <= 0) this.#make();
+    if (this.waiting.size && this.#left <= 0) this.now();
   }
 
-  get #left() {
-    return this.last + EVERY - performance.now();
-  }
-
-  #make() {
+  /** Whoever chose something is not to wait. */
+  now() {
     clearTimeout(this.timer);
     this.timer = 0;
     this.last = performance.now();
     const changes = [...this.waiting.values()];
     this.waiting.clear();
     for (const change of changes) change();
+  }
+
+  get #left() {
+    return this.last + EVERY - performance.now();
   }
 }
 

@@ -43,6 +43,7 @@ function start(scene) {
   probes.addEventListener("dismiss", ({ detail }) => link.send({ type: "lift", probe: detail }));
   probes.addEventListener("chosen", () => {
     if (stage.answer) results.show(stage.answer);
+    calm.now();
     stage.ask();
   });
   const unknown = at("colour").querySelector("[value=error]");
