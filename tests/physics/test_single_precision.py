@@ -7,7 +7,22 @@ from mixpinn.physics import quadratic_tetrahedron
 from mixpinn.physics.energies import STABLE
 from mixpinn.physics.linear_tetrahedron import cell_forces
 from mixpinn.physics.quadrature import TETRAHEDRON_4
-from mixpinn.physics.single_precision import add_quadratic_stable_forces, add_stable_forces
+from mixpinn.physics.single_precision import LANES, add_quadratic_stable_forces, add_stable_forces, in_lanes
+
+
+def in_single(cells, moved, gradients, mu, lam, volumes):
+    """The operands of the kernels: all but `moved` in lanes."""
+    constants = np.stack([mu, lam, volumes], axis=1).astype(np.float32)
+    edges = gradients[:, 1:].reshape(-1, 9).astype(np.float32)
+    return in_lanes(cells.astype(np.int32)), moved.astype(np.float32), in_lanes(edges), in_lanes(constants)
+
+
+def test_lanes_hold_the_cells_side_by_side():
+    values = np.arange(2 * (LANES + 3)).reshape(-1, 2)
+    lanes = in_lanes(values)
+    assert lanes.shape == (2, 2 * LANES)
+    np.testing.assert_array_equal(lanes[0, LANES:], values[:LANES, 1])
+    np.testing.assert_array_equal(lanes[1, :LANES], [*values[LANES:, 0], *[0] * (LANES - 3)])
 
 
 def test_both_kernels_state_one_law():
@@ -22,10 +37,7 @@ def test_both_kernels_state_one_law():
     expected = np.zeros((40, 3))
     np.add.at(expected, cells, each)
     found = np.zeros((40, 3), np.float32)
-    add_stable_forces(
-        cells.astype(np.int32), moved.astype(np.float32), gradients.astype(np.float32),
-        volumes.astype(np.float32), mu.astype(np.float32), lam.astype(np.float32), found,
-    )
+    add_stable_forces(*in_single(cells, moved, gradients, mu, lam, volumes), found)
     np.testing.assert_allclose(found, expected, atol=1e-5 * np.abs(expected).max())
 
 
@@ -44,6 +56,5 @@ def test_ten_node_cells_have_the_forces_of_the_solver():
     expected = np.zeros((60, 3))
     np.add.at(expected, cells, each)
     found = np.zeros((60, 3), np.float32)
-    single = (moved, gradients, volumes, mu, lam, *rule)
-    add_quadratic_stable_forces(cells.astype(np.int32), *(values.astype(np.float32) for values in single), found)
+    add_quadratic_stable_forces(*in_single(cells, moved, gradients, mu, lam, volumes), found)
     np.testing.assert_allclose(found, expected, atol=1e-5 * np.abs(expected).max())

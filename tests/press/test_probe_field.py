@@ -5,7 +5,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 from mixpinn.geometry.probe_shapes import linear_probe, spherical_probe
-from mixpinn.press.probe_field import FAR, ProbeField, signed_distance
+from mixpinn.press.probe_field import FAR, LINEAR_ERROR, ProbeField, distance_about, shadow_columns, signed_distance
+from mixpinn.press.step_kernel import _STEEPEST
 
 RADIUS = 12.0
 
@@ -54,3 +55,27 @@ def test_the_underside_is_where_a_plane_would_be_met(ball) -> None:
     expected = RADIUS - np.sqrt((RADIUS + 2.0) ** 2 - x[inner] ** 2 - z**2)
     assert_allclose(row[inner], expected, atol=0.04)
     assert np.isinf(row[np.abs(x) > RADIUS + 3.5]).all()
+
+
+@pytest.mark.parametrize("probe", [linear_probe(), spherical_probe(radius=9.0)], ids=["linear", "ball"])
+def test_a_cheap_distance_is_never_larger_by_more_than_it_says_nor_does_the_distance_change_faster(probe) -> None:
+    """What contact leaves out because of either lies outside the gap."""
+    field = ProbeField.of_probe(probe, gap=0.5)
+    high = field.origin + field.spacing * (np.array(field.coefficients.shape) - 1)
+    points = np.random.default_rng(2).uniform(field.origin, high, size=(20_000, 3))
+    distance, gradient = field.at(points)
+    grid = field.coefficients.ravel(), np.array(field.coefficients.shape), field.origin, field.spacing
+    about = np.array([distance_about(*grid, point) for point in points])
+    outside = (distance > field.gap) & (distance < FAR)
+    assert outside.sum() > 5_000
+    assert ((about == FAR) == (distance == FAR)).all()
+    assert (about - distance)[outside].max() < LINEAR_ERROR * field.spacing
+    assert np.linalg.norm(gradient[outside], axis=1).max() < _STEEPEST
+
+
+def test_the_shadow_is_where_the_probe_comes_down(ball) -> None:
+    columns = shadow_columns(ball, 2.0)
+    assert columns is not None
+    below = np.argwhere(ball.underside < 2.0)
+    np.testing.assert_array_equal(columns, [below.min(axis=0), below.max(axis=0)])
+    assert shadow_columns(ball, -1e3) is None

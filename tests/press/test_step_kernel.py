@@ -29,7 +29,7 @@ def press(fields, height, *, friction=0.0, before=None, lift=0.0):
         place, np.full((1, 3), [0.0, lift, 0.0]), SPRING * np.eye(3), np.zeros(3), Contacts(
             np.zeros((1, 2), np.int64), FIRST, ONE, np.full(1, STIFFNESS), fields, np.eye(3)[None], np.zeros((1, 3)),
             place.copy() if before is None else before, np.zeros((1, 3)), np.zeros(1), (GAP, friction, SMOOTHING),
-        ), 1e-9, 60,
+        ), np.zeros((1, 4)), 1e-9, 60,
     )
     return forces, found.push, found.slip, found.pull, converged
 

@@ -24,8 +24,8 @@ from mixpinn.base.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from mixpinn.base.errors import InputError
 from mixpinn.geometry.probe_pose import PROBE_AXIS
 from mixpinn.geometry.rotations import rotation_from_vector, vector_from_rotation
-from mixpinn.press.path_kernel import touch_depths
-from mixpinn.press.probe_field import ProbeField
+from mixpinn.press.path_kernel import mark_shadow, touch_depths
+from mixpinn.press.probe_field import ProbeField, shadow_columns
 from mixpinn.press.records import (
     ContactHistory,
     ContactPrediction,
@@ -37,6 +37,7 @@ from mixpinn.press.session import ContactSession
 from mixpinn.press.skin_points import SkinPoints
 from mixpinn.records import Probe, TissueMesh
 from mixpinn.reduced.prior import ElasticPrior
+from mixpinn.reduced.row_products import block_of
 
 _CUTS = 5
 """A step may be halved so often."""
@@ -180,7 +181,7 @@ class PriorContact:
             where = replace(placed, rotations=history.rotations, translations=history.translations)
         return ContactSession(
             self, where, patch, chosen, local[self.skin.stencil[chosen]],
-            np.ascontiguousarray(self._compliance[rows[:, None], rows]), depths, shift, force, slip, lead,
+            block_of(self._compliance, rows), depths, shift, force, slip, lead,
             np.zeros((k, len(chosen))), np.zeros((k, len(chosen), 3)), True, 0,
         )
 
@@ -195,19 +196,11 @@ class PriorContact:
     ) -> BoolArray:
         """Whether each triangle may be touched on the way to a pose, shape (t,): it lies near the probe's shadow."""
         near = np.zeros(len(self._triangles), dtype=bool)
-        if not touch.max(initial=-np.inf) > -self.config.reach:
-            return near
-        local = np.einsum("pk,kc->pc", self._places - translation, rotation)  # without BLAS and its threads
-        columns = np.argwhere(probe.underside < self.config.deepest)
-        if not len(columns):
-            return near
-        low, high = columns.min(axis=0), columns.max(axis=0)
-        inside = np.ones(len(local), dtype=bool)
-        for axis, (first, last) in zip((0, 2), zip(low, high, strict=True), strict=True):
-            start = probe.origin[axis] + probe.spacing * first - self.config.margin
-            end = probe.origin[axis] + probe.spacing * last + self.config.margin
-            inside &= (local[:, axis] >= start) & (local[:, axis] <= end)
-        near[self.skin.face[inside]] = True
+        columns = shadow_columns(probe, self.config.deepest)
+        if columns is not None and touch.max(initial=-np.inf) > -self.config.reach:
+            low = probe.origin[[0, 2]] + probe.spacing * columns[0] - self.config.margin
+            high = probe.origin[[0, 2]] + probe.spacing * columns[1] + self.config.margin
+            mark_shadow(self._places, rotation, translation, low, high, self.skin.face, near)
         return near
 
     def _path_down(self, placed: PlacedFields, depths: FloatArray) -> tuple[FloatArray, FloatArray]:

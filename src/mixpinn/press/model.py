@@ -200,7 +200,7 @@ class PoseModel:
                 expected=0.0, bound=0.0, level=1.0, outside=bool(outside), reasons=(*outside, *notes),
                 converged=contact.converged, force_expected=0.0, force_bound=0.0, motion_expected=0.0, motion_bound=0.0,
             )
-        farthest = float(np.sqrt((displacement.astype(np.float64) ** 2).sum(axis=1).max()))
+        farthest = float(np.sqrt(np.einsum("ij,ij->i", displacement, displacement).max()))
         if not farthest <= 1.5 * contact.depths.max() + 2.0:
             outside.append(f"a node moves by {farthest:.0f} mm, farther than the probe pushes")
         if self.contact.at_the_rim(contact.nodes):

@@ -6,7 +6,7 @@ import numba
 import numpy as np
 
 from mixpinn.base.arrays import FloatArray, IntArray
-from mixpinn.press.probe_field import FAR, distance_at
+from mixpinn.press.probe_field import FAR, LINEAR_ERROR, distance_about, distance_at
 from mixpinn.press.step_kernel import Contacts, field_of, solve_step
 
 # mypy cannot see through numba's decorators: the kernels are untyped, their callers are not.
@@ -65,15 +65,15 @@ def follow(  # type: ignore[no-untyped-def]
     force, slip = force.copy(), slip.copy()
     earlier, had_earlier, before_length = force.copy(), False, 0.0
     push, pull = np.zeros((n_probes, n_points)), np.zeros((n_probes, n_points, 3))
-    old, new = np.empty((n_probes, n_points, 3)), np.empty((n_probes, n_points))
+    ahead, places = np.empty((n_probes, n_points)), np.empty((n_probes, n_points, 3))
     used = 0
     local = np.full(n, -1)
     for step in range(n_steps):
-        length = _look_ahead(_positions(rest, path.shifts[step], compliance, force), skin, fields, path, step, law[0],
-                             old, new)
+        x = _positions(rest, path.shifts[step], compliance, force)
+        length = _look_ahead(x, skin, fields, path, step, law[0], ahead, places)
         slack, done, last, guess = _SLACK, False, step == n_steps - 1, 0
         for _ in range(4):
-            chosen = _followed(new, slip, slack)
+            chosen = _followed(ahead, slip, slack)
             pairs = np.argwhere(chosen)
             if not len(pairs):
                 force[:] = 0.0
@@ -84,9 +84,10 @@ def follow(  # type: ignore[no-untyped-def]
             # The first guess goes on as the last step went, the next stays at its forces, the last begins with none.
             ratio = length / before_length if had_earlier and before_length > 0.0 and guess == 0 else 0.0
             part, near, lift, begin = _restrict(nodes, rest, compliance, path, step, force, earlier, ratio, guess)
-            contacts = _contacts(pairs, local, skin, fields, path, step, old, slip, leads, law)
+            contacts = _contacts(pairs, local, skin, fields, path, step, x, slip, leads, law)
             found, forces, converged, iterations = solve_step(
-                near, lift, part, begin, contacts, tolerance if last else max(tolerance, _ON_THE_WAY), max_iterations,
+                near, lift, part, begin, contacts, _clear(pairs, ahead, places), tolerance if last else
+                max(tolerance, _ON_THE_WAY), max_iterations,
             )
             used += iterations
             if not converged:
@@ -120,25 +121,36 @@ def follow(  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True)
-def _look_ahead(x, skin, fields, path, step, gap, old, new):  # type: ignore[no-untyped-def]
-    """Places of the points in the frames of the probes before a step (`old`), and by how much each would violate the
-    gap after it (`new`), at worst before or after the nodes shift; returns the longest way of a probe."""
+def _look_ahead(x, skin, fields, path, step, gap, ahead, places):  # type: ignore[no-untyped-def]
+    """By how much each point may violate the gap after a step, at worst before or after the nodes shift (`ahead`), and
+    where it lies in the frame of the probe then (`places`); returns the longest way of a probe."""
     shifts, length = path.shifts, 0.0
-    for k in range(len(new)):
+    shifting = (shifts[step + 1] != shifts[step]).any()
+    raised = x + shifts[step + 1] - shifts[step] if shifting else x
+    other, elsewhere = np.empty(ahead.shape[1]), np.empty((ahead.shape[1], 3))
+    for k in range(len(ahead)):
+        rotation, translation = path.rotations[step + 1, k], path.translations[step + 1, k]
         field, box = field_of(fields, k), (fields[5][k], fields[6][k])
-        _approach(x, skin.stencil, skin.weights, field, box, path.rotations[step : step + 2, k],
-                  path.translations[step : step + 2, k], gap, old[k], new[k])
-        moved = path.translations[step + 1, k] - path.translations[step, k]
+        _approach(raised, skin.stencil, skin.weights, field, box, rotation, translation, gap, ahead[k], places[k])
+        if shifting:
+            _approach(x, skin.stencil, skin.weights, field, box, rotation, translation, gap, other, elsewhere)
+            ahead[k] = np.maximum(ahead[k], other)
+        moved = translation - path.translations[step, k]
         length = max(length, np.sqrt((moved * moved).sum()))
-    if (shifts[step + 1] != shifts[step]).any():
-        raised = x + shifts[step + 1] - shifts[step]
-        other_old, other = np.empty((new.shape[1], 3)), np.empty(new.shape[1])
-        for k in range(len(new)):
-            field, box = field_of(fields, k), (fields[5][k], fields[6][k])
-            _approach(raised, skin.stencil, skin.weights, field, box, path.rotations[step : step + 2, k],
-                      path.translations[step : step + 2, k], gap, other_old, other)
-            new[k] = np.maximum(new[k], other)
     return length
+
+
+@numba.njit(cache=True, nogil=True)
+def _clear(pairs, ahead, places):  # type: ignore[no-untyped-def]
+    """Where the points of `pairs` lie after the step and how far they are from the gap there at least, (c, 4)."""
+    found = np.zeros((len(pairs), 4))
+    for c in range(len(pairs)):
+        k, p = pairs[c, 0], pairs[c, 1]
+        for r in range(3):
+            found[c, r] = places[k, p, r]
+        if ahead[k, p] > -FAR:
+            found[c, 3] = max(0.0, -ahead[k, p])
+    return found
 
 
 @numba.njit(cache=True, nogil=True)
@@ -187,8 +199,8 @@ def _restrict(  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True)
-def _contacts(pairs, local, skin, fields, path, step, old, slip, leads, law):  # type: ignore[no-untyped-def]
-    """The `Contacts` of `pairs` after a step, their stencil by the numbers in `local`."""
+def _contacts(pairs, local, skin, fields, path, step, x, slip, leads, law):  # type: ignore[no-untyped-def]
+    """The `Contacts` of `pairs` after a step from node positions x, their stencil by the numbers in `local`."""
     count, width = len(pairs), skin.stencil.shape[1]
     stencil, weights = np.empty((count, width), np.int64), np.empty((count, width))
     before, carried, lead = np.empty((count, 3)), np.empty((count, 3)), np.empty(count)
@@ -197,8 +209,9 @@ def _contacts(pairs, local, skin, fields, path, step, old, slip, leads, law):  #
         lead[c] = leads[k, p]
         for i in range(width):
             stencil[c, i], weights[c, i] = local[skin.stencil[p, i]], skin.weights[p, i]
+        _in_frame(x, skin.stencil, skin.weights, p, path.rotations[step, k], path.translations[step, k], before[c])
         for r in range(3):
-            before[c, r], carried[c, r] = old[k, p, r], slip[k, p, r]
+            carried[c, r] = slip[k, p, r]
     return Contacts(
         pairs, stencil, weights, skin.stiffness, fields, path.rotations[step + 1], path.translations[step + 1], before,
         carried, lead, law,
@@ -255,22 +268,20 @@ def _within(place, box, reach):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True, nogil=True)
 def _approach(  # type: ignore[no-untyped-def]
-    x, stencil, weights, field, box, rotations, translations, gap, old, violation,
+    x, stencil, weights, field, box, rotation, translation, gap, violation, places,
 ):
-    """Points in the frame of a probe before it moves, and by how much they would violate the gap after it.
+    """Points in the frame of a probe, and by how much they violate the gap there at most.
 
-    `rotations` and `translations` are those before and after. `box` bounds the probe; points farther from it than
-    matters are passed over.
+    `box` bounds the probe; points farther from it than matters are passed over.
     """
     coefficients, shape, origin, spacing = field
-    reach = gap + 4.0 * _SLACK
-    place, work, gradient = np.empty(3), np.empty((6, 4)), np.empty(3)
+    reach, unsure = gap + 4.0 * _SLACK, LINEAR_ERROR * spacing
     for p in range(len(stencil)):
-        _in_frame(x, stencil, weights, p, rotations[0], translations[0], old[p])
-        _in_frame(x, stencil, weights, p, rotations[1], translations[1], place)
+        place = places[p]
+        _in_frame(x, stencil, weights, p, rotation, translation, place)
         violation[p] = -FAR
         if _within(place, box, reach):
-            violation[p] = gap - distance_at(coefficients, shape, origin, spacing, place, work, gradient)
+            violation[p] = gap + unsure - distance_about(coefficients, shape, origin, spacing, place)
 
 
 @numba.njit(cache=True, nogil=True)
@@ -313,3 +324,23 @@ def touch_depths(points, rotation, translation, underside, origin, spacing, dept
         low += a * ((1.0 - b) * underside[i + 1, j] + b * underside[i + 1, j + 1])
         if np.isfinite(low):
             depths[p] = rotation[0, 1] * x0 + rotation[1, 1] * x1 + rotation[2, 1] * x2 - low
+
+
+@numba.njit(cache=True, nogil=True)
+def mark_shadow(points, rotation, translation, low, high, face, near):  # type: ignore[no-untyped-def]
+    """Mark in `near` (t,) the faces of the points that lie between `low` and `high` along x and z of a placed probe.
+
+    Args:
+        points: [mm], shape (p, 3).
+        rotation, translation: of the probe.
+        low, high: [mm], shape (2,).
+        face: of each point, shape (p,).
+        near: flags.
+    """
+    for p in range(len(points)):
+        x0, x1, x2 = points[p, 0] - translation[0], points[p, 1] - translation[1], points[p, 2] - translation[2]
+        a = rotation[0, 0] * x0 + rotation[1, 0] * x1 + rotation[2, 0] * x2
+        if low[0] <= a <= high[0]:
+            b = rotation[0, 2] * x0 + rotation[1, 2] * x1 + rotation[2, 2] * x2
+            if low[1] <= b <= high[1]:
+                near[face[p]] = True

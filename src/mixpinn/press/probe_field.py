@@ -6,6 +6,7 @@ depend on it. It is positive outside and negative inside; the side is that of th
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numba
 import numpy as np
@@ -20,6 +21,8 @@ from mixpinn.records import Probe
 
 FAR = 1e3
 """What counts as the distance of a point off the grid [mm]."""
+LINEAR_ERROR = 0.3
+"""`distance_about` differs from the distance by less than this part of the grid's spacing."""
 _CANDIDATES = 24
 """Triangles that are looked at for the distance of one point of the grid."""
 _LARGEST = 1_000_000
@@ -118,6 +121,13 @@ def signed_distance(points: FloatArray, vertices: FloatArray, triangles: IntArra
     return distance
 
 
+@lru_cache(maxsize=64)
+def shadow_columns(field: ProbeField, deepest: float) -> tuple[IntArray, IntArray] | None:
+    """First and last columns (x, z) of the grid in which the probe comes below `deepest` [mm]; None where none does."""
+    columns = np.argwhere(field.underside < deepest)
+    return (columns.min(axis=0), columns.max(axis=0)) if len(columns) else None
+
+
 def _underside(distance: FloatArray, y: FloatArray, gap: float) -> FloatArray:
     """Where each column of a grid of distances first falls to `gap`, by linear interpolation along y."""
     inside = distance < gap
@@ -208,6 +218,27 @@ def distance_at(coefficients, shape, origin, spacing, place, work, gradient):  #
         g2 += v0 * plane2
     gradient[0], gradient[1], gradient[2] = g0 / spacing, g1 / spacing, g2 / spacing
     return value
+
+
+@numba.njit(cache=True, nogil=True)
+def distance_about(coefficients, shape, origin, spacing, place):  # type: ignore[no-untyped-def]
+    """About the distance at one place, linear between the spline's coefficients; a tenth of the cost of `distance_at`.
+
+    A spline stays near its coefficients: see `LINEAR_ERROR`. Off the grid: `FAR`.
+    """
+    a, b, c = (place[0] - origin[0]) / spacing, (place[1] - origin[1]) / spacing, (place[2] - origin[2]) / spacing
+    i, j, k = int(np.floor(a)), int(np.floor(b)), int(np.floor(c))
+    if i < 1 or j < 1 or k < 1 or i > shape[0] - 3 or j > shape[1] - 3 or k > shape[2] - 3:
+        return FAR
+    a, b, c = a - i, b - j, c - k
+    first = (i * shape[1] + j) * shape[2] + k
+    second, plane = first + shape[2], shape[1] * shape[2]
+    near = (1.0 - b) * ((1.0 - c) * coefficients[first] + c * coefficients[first + 1])
+    near += b * ((1.0 - c) * coefficients[second] + c * coefficients[second + 1])
+    first, second = first + plane, second + plane
+    far = (1.0 - b) * ((1.0 - c) * coefficients[first] + c * coefficients[first + 1])
+    far += b * ((1.0 - c) * coefficients[second] + c * coefficients[second + 1])
+    return (1.0 - a) * near + a * far
 
 
 @numba.njit(cache=True, nogil=True)

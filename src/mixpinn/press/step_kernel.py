@@ -22,6 +22,9 @@ from mixpinn.physics.contact_law import penalty, return_slip, slip_derivative
 from mixpinn.physics.elimination import times
 from mixpinn.press.probe_field import distance_at
 
+_STEEPEST = 1.3
+"""The splines of distances outside probes change by less than this many times the way; 1.27 was seen."""
+
 # mypy cannot see through numba's decorators: the kernels are untyped, their callers are not.
 
 
@@ -146,7 +149,7 @@ def _all_forces(x, contacts, forces):  # type: ignore[no-untyped-def]
         moved = 0.0
         for r in range(3):
             moved += (place[r] - seen[c, r]) ** 2
-        if seen[c, 3] > 0.0 and moved < seen[c, 3] ** 2:
+        if _STEEPEST**2 * moved < seen[c, 3] ** 2:
             push[c] = 0.0
             slip[c, 0], slip[c, 1], slip[c, 2] = 0.0, 0.0, 0.0
             world_force[c, 0], world_force[c, 1], world_force[c, 2] = 0.0, 0.0, 0.0
@@ -158,7 +161,7 @@ def _all_forces(x, contacts, forces):  # type: ignore[no-untyped-def]
         seen[c, 3] = 0.0
         if push[c] <= 0.0:
             # No contact: `push` is the negative distance from the gap.
-            seen[c, 3] = -0.9 * push[c]
+            seen[c, 3] = -push[c]
             for r in range(3):
                 seen[c, r] = place[r]
             push[c] = 0.0
@@ -212,7 +215,9 @@ def _stiffness_of_touched(hessian, touched):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True)
-def solve_step(free, lift, compliance, start, contacts, tolerance, max_iterations):  # type: ignore[no-untyped-def]
+def solve_step(  # type: ignore[no-untyped-def]
+    free, lift, compliance, start, contacts, clear, tolerance, max_iterations,
+):
     """Forces λ on the nodes near the probe in equilibrium with contact at one placement of the probes.
 
     Args:
@@ -221,6 +226,7 @@ def solve_step(free, lift, compliance, start, contacts, tolerance, max_iteration
         compliance: of these nodes, shape (3 n, 3 n).
         start: first guess of λ, shape (3 n,).
         contacts: a `Contacts`; its stencil counts the nodes here.
+        clear: a first `Forces.seen`.
         tolerance: of the forces, relative.
         max_iterations: of Newton's method.
 
@@ -237,7 +243,7 @@ def solve_step(free, lift, compliance, start, contacts, tolerance, max_iteration
     count = len(contacts.pairs)
     gradient, hessian, touched = np.zeros((n, 3)), np.empty((n, n, 3, 3)), np.zeros(n, np.bool_)
     forces = Forces(
-        gradient, hessian, touched, np.zeros(count), np.zeros((count, 3)), np.zeros((count, 3)), np.zeros((count, 4)),
+        gradient, hessian, touched, np.zeros(count), np.zeros((count, 3)), np.zeros((count, 3)), clear,
     )
     rest = free.copy().reshape(m)
     converged = False

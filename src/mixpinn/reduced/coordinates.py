@@ -7,6 +7,7 @@ each rigid part: the unknowns of `mixpinn.fem.ElasticSystem`, without the solver
 from functools import cached_property
 
 import numpy as np
+from numba import njit
 
 from mixpinn.base.arrays import AnyArray, BoolArray, Float32Array, FloatArray, IntArray
 from mixpinn.geometry.rigid_fit import fit_rotation
@@ -38,6 +39,11 @@ class ReducedCoordinates:
             for nodes, count in zip(self.parts, self.vertices, strict=True)
         ]
         self.n_nodes = mesh.n_nodes
+        ends = np.cumsum([0, *map(len, self.parts)])
+        self._joined = (
+            np.concatenate([np.zeros(0, np.int64), *self.parts]), np.concatenate([np.zeros((0, 3)), *self.arms]),
+            ends[:-1], ends[1:], np.array(self.vertices, dtype=np.int64),
+        )
         self.held: BoolArray = mesh.held_parts
 
     @property
@@ -72,7 +78,7 @@ class ReducedCoordinates:
             unknowns: [mm, rad], shape (D,).
         """
         field = np.zeros((self.n_nodes, 3), dtype=np.float32)
-        field[self.free] = unknowns[: self.n_soft].reshape(-1, 3)
+        _spread(np.asarray(unknowns), self.free, field)
         self.place_parts(unknowns, field)
         return field
 
@@ -80,8 +86,21 @@ class ReducedCoordinates:
         """Write the motion t + (R − 1) (X − c) of the rigid parts' nodes into `field` (n, 3), in its precision."""
         twists = self.twists(unknowns)
         turns = rotation_from_vector(twists[:, 3:]) - np.eye(3)
-        for nodes, arm, twist, turn in zip(self.parts, self.arms, twists, turns, strict=True):
-            field[nodes] = twist[:3] + arm @ turn.T
+        nodes, arms, begins, ends, _ = self._joined
+        _move_parts(nodes, arms, begins, ends, twists, turns, field)
+
+    def gather(self, force: Float32Array, field: Float32Array) -> Float32Array:
+        """Nodal forces by the unknowns [N, N mm], float32, shape (D,): the parts' net force and moment.
+
+        Args:
+            force: of every node [N], shape (n, 3).
+            field: displacement of every node, with rigidly moved parts [mm], shape (n, 3). Moments are about the
+                centroids of the parts' vertices there.
+        """
+        out = np.empty(self.size, dtype=np.float32)
+        _gather(force, self.free, out)
+        _wrenches(force, field, *self._joined, out[self.n_soft :].reshape(-1, 6))
+        return out
 
     def project(self, field: AnyArray) -> FloatArray:
         """Unknowns [mm, rad], shape (D,), of a field [mm], shape (n, 3), that moves the parts rigidly.
@@ -97,3 +116,55 @@ class ReducedCoordinates:
             turn = vector_from_rotation(fit_rotation(arm, moved))
             unknowns[self.n_soft + 6 * k:][:6] = 0.0 if self.held[k] else [*shift, *turn]
         return unknowns
+
+
+# mypy cannot see through numba's decorators: the kernels are untyped, their callers are not.
+
+
+@njit(cache=True, nogil=True)
+def _spread(unknowns, free, field):  # type: ignore[no-untyped-def]
+    """The displacements of the free nodes into `field` (n, 3)."""
+    for i in range(len(free)):
+        row = field[free[i]]
+        row[0], row[1], row[2] = unknowns[3 * i], unknowns[3 * i + 1], unknowns[3 * i + 2]
+
+
+@njit(cache=True, nogil=True)
+def _gather(field, free, out):  # type: ignore[no-untyped-def]
+    """What the free nodes have in `field` (n, 3)."""
+    for i in range(len(free)):
+        row = field[free[i]]
+        out[3 * i], out[3 * i + 1], out[3 * i + 2] = row[0], row[1], row[2]
+
+
+@njit(cache=True, nogil=True)
+def _move_parts(nodes, arms, begins, ends, twists, turns, field):  # type: ignore[no-untyped-def]
+    """t + (R − 1) a for the nodes of each part."""
+    for k in range(len(begins)):
+        twist, turn = twists[k], turns[k]
+        for i in range(begins[k], ends[k]):
+            arm, row = arms[i], field[nodes[i]]
+            for r in range(3):
+                row[r] = twist[r] + turn[r, 0] * arm[0] + turn[r, 1] * arm[1] + turn[r, 2] * arm[2]
+
+
+@njit(cache=True, nogil=True)
+def _wrenches(force, field, nodes, arms, begins, ends, vertices, out):  # type: ignore[no-untyped-def]
+    """Net force and moment Σ a × f about the mean of the vertices, which come first, of each part, (K, 6)."""
+    centre, arm, total = np.empty(3), np.empty(3), np.empty(6)
+    for k in range(len(begins)):
+        centre[:] = 0.0
+        for i in range(begins[k], begins[k] + vertices[k]):
+            for r in range(3):
+                centre[r] += (arms[i, r] + field[nodes[i], r]) / vertices[k]
+        total[:] = 0.0
+        for i in range(begins[k], ends[k]):
+            f = force[nodes[i]]
+            for r in range(3):
+                arm[r] = arms[i, r] + field[nodes[i], r] - centre[r]
+                total[r] += f[r]
+            total[3] += arm[1] * f[2] - arm[2] * f[1]
+            total[4] += arm[2] * f[0] - arm[0] * f[2]
+            total[5] += arm[0] * f[1] - arm[1] * f[0]
+        for r in range(6):
+            out[k, r] = total[r]

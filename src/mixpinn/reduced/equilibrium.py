@@ -16,9 +16,8 @@ from mixpinn.geometry.rotations import rotation_from_vector
 from mixpinn.geometry.tetrahedra import shape_gradients
 from mixpinn.physics.foundation import FoundationSystem
 from mixpinn.physics.joint_system import JointSystem
-from mixpinn.physics.quadrature import TETRAHEDRON_4, Quadrature
 from mixpinn.physics.restraints import FREE, Restraints
-from mixpinn.physics.single_precision import add_quadratic_stable_forces, add_stable_forces
+from mixpinn.physics.single_precision import add_quadratic_stable_forces, add_stable_forces, in_lanes
 from mixpinn.records import TissueMesh
 from mixpinn.reduced.coordinates import ReducedCoordinates
 
@@ -33,7 +32,6 @@ class Equilibrium:
     Args:
         mesh: the mesh.
         mu, lam: Lamé constants of each tissue of the mesh [N/mm²], shape (T,).
-        quadrature: of ten-node cells, the solver's by default.
         restraints: joints and foundations, which are evaluated in double precision.
 
     Example:
@@ -45,22 +43,19 @@ class Equilibrium:
     """
 
     def __init__(
-        self, mesh: TissueMesh, *, mu: AnyArray, lam: AnyArray, quadrature: Quadrature = TETRAHEDRON_4,
-        restraints: Restraints = FREE,
+        self, mesh: TissueMesh, *, mu: AnyArray, lam: AnyArray, restraints: Restraints = FREE,
     ) -> None:
         self.mu, self.lam = np.asarray(mu, dtype=np.float64), np.asarray(lam, dtype=np.float64)
         deforms = mesh.deforming_cells  # no other cell carries stress
         # Sorted, ten nodes are four vertices and the midpoints of their pairs in ascending order.
         cells = mesh.cells if mesh.order == 1 else np.sort(mesh.cell_nodes, axis=1)
-        self._cells = np.ascontiguousarray(cells[deforms], dtype=np.int32)
-        gradients, volumes = shape_gradients(mesh.points, self._cells[:, :4])
-        self._gradients = np.ascontiguousarray(gradients, dtype=np.float32)
-        self._rule = () if mesh.order == 1 else (
-            quadrature.points.astype(np.float32), quadrature.weights.astype(np.float32),
-        )
-        self._volume = volumes.astype(np.float32)
+        gradients, volumes = shape_gradients(mesh.points, cells[deforms][:, :4])
         tissue = mesh.tissue[deforms].astype(np.int64)
-        self._mu, self._lam = self.mu[tissue].astype(np.float32), self.lam[tissue].astype(np.float32)
+        constants = np.stack([self.mu[tissue], self.lam[tissue], volumes], axis=1)
+        self._quadratic = mesh.order == 2
+        self._cells = in_lanes(cells[deforms].astype(np.int32))
+        self._gradients = in_lanes(gradients[:, 1:].reshape(-1, 9).astype(np.float32))
+        self._constants = in_lanes(constants.astype(np.float32))
         self.restraints = restraints
         centroids = [mesh.points[mesh.part_nodes(k)].mean(axis=0) for k in range(1, mesh.n_parts + 1)]
         self._joints = JointSystem(restraints.joints, mesh.rigid_names, np.array(centroids).reshape(-1, 3))
@@ -90,8 +85,8 @@ class Equilibrium:
         """∂E/∂x of every node [N], float32, shape (n, 3), for a displacement field [mm], shape (n, 3)."""
         moved = np.ascontiguousarray(field, dtype=np.float32)
         nodal = np.zeros_like(moved)
-        add = add_quadratic_stable_forces if self._rule else add_stable_forces
-        add(self._cells, moved, self._gradients, self._volume, self._mu, self._lam, *self._rule, nodal)
+        add = add_quadratic_stable_forces if self._quadratic else add_stable_forces
+        add(self._cells, moved, self._gradients, self._constants, nodal)
         if len(self._foundations):
             self._foundations.add_forces(moved, nodal)
         return nodal
@@ -105,17 +100,7 @@ class Equilibrium:
         """
         field = coordinates.expand(unknowns)
         nodal = self.nodal_forces(field)
-        out = np.empty(coordinates.size, dtype=np.float32)
-        out[: coordinates.n_soft] = nodal[coordinates.free].ravel()
-        parts = zip(coordinates.parts, coordinates.arms, coordinates.vertices, strict=True)
-        for k, (nodes, arm, count) in enumerate(parts):
-            force = nodal[nodes].astype(np.float64)
-            moved = arm + field[nodes]
-            wrench = out[coordinates.n_soft + 6 * k:][:6]
-            wrench[:3] = force.sum(axis=0)
-            arm = moved - moved[:count].mean(axis=0)
-            moment = arm.T @ force  # Σ a × f, whose components are differences of those of Σ a ⊗ f
-            wrench[3:] = moment[1, 2] - moment[2, 1], moment[2, 0] - moment[0, 2], moment[0, 1] - moment[1, 0]
+        out = coordinates.gather(nodal, field)
         if len(self._joints):
             twists = coordinates.twists(unknowns)
             wrenches = self._joints.gradient(rotation_from_vector(twists[:, 3:]), twists[:, :3])

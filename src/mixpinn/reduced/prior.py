@@ -28,6 +28,7 @@ from mixpinn.records import TissueMesh
 from mixpinn.records.answer import discretisation_of
 from mixpinn.reduced.compliance import Compliance, DenseCompliance, FactoredCompliance
 from mixpinn.reduced.coordinates import ReducedCoordinates
+from mixpinn.reduced.row_products import block_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -65,7 +66,7 @@ class ContactSystem:
 
     @cached_property
     def _factor(self) -> tuple[FloatArray, bool]:
-        block = self._own[np.ix_(self.rows, self.rows)]
+        block = block_of(self._own, self.rows)
         factor: tuple[FloatArray, bool] = scipy.linalg.cho_factor(
             block, lower=True, overwrite_a=True, check_finite=False,
         )

@@ -3,10 +3,11 @@
 Each call runs in the caller's thread and keeps nothing, so that several threads may ask at once.
 """
 
+import numpy as np
 from numba import njit
 from numpy import float32
 
-from mixpinn.base.arrays import Float32Array, IntArray
+from mixpinn.base.arrays import Float32Array, FloatArray, IntArray
 
 _CHUNKS = 64
 
@@ -38,3 +39,14 @@ def rows_times(matrix: Float32Array, rows: IntArray, vector: Float32Array, out: 
         for i in range(len(vector)):
             total += row[i] * vector[i]
         out[k] = total
+
+
+@njit(cache=True, nogil=True)
+def block_of(matrix: FloatArray, rows: IntArray) -> FloatArray:
+    """The block of a square matrix that belongs to some of its rows and the columns of the same numbers, (l, l)."""
+    block = np.empty((len(rows), len(rows)))
+    for i in range(len(rows)):
+        source, row = matrix[rows[i]], block[i]
+        for j in range(len(rows)):
+            row[j] = source[rows[j]]
+    return block
