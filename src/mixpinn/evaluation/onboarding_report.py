@@ -31,13 +31,16 @@ def rounds_report(
     if learned:
         lines += [
             "Each round's poses are predicted before anything is learned from them. Mean errors in mm.\n",
-            "| After | New poses | Samples | No motion | Elastic prior | Predictor so far | Minutes |",
-            "| --- | ---: | ---: | ---: | ---: | ---: | ---: |",
+            "| After | New poses | Samples | No motion | Elastic prior | Predictor so far | Its correction | Minutes |",
+            "| --- | ---: | ---: | ---: | ---: | ---: | --- | ---: |",
             *(
                 f"| {entry['stage']} | {entry['poses']} | {entry['samples']} | {entry['no_motion']:.3f} | "
-                f"{entry['prior_mee']:.4f} | {entry['model_mee']:.4f} | {entry['minutes']:.1f} |" for entry in learned
+                f"{entry['prior_mee']:.4f} | {entry['model_mee']:.4f} | {entry.get('correction', '')} | "
+                f"{entry['minutes']:.1f} |" for entry in learned
             ),
             "",
+            "The correction is what the predictor adds to the elastic prior: nothing, a multiple of the Newton step, "
+            "or a regression besides, whichever cross-validation over positions found best.\n",
         ]
     return "\n".join(lines)
 

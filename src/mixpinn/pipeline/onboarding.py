@@ -135,6 +135,7 @@ def _learn(model: HybridModel, mesh: TissueMesh, config: OnboardingConfig, clock
         for name, candidate in (("prior", model.prior), ("model", model)):
             found = evaluate(candidate, table, scene.mesh, split=f"poses {seen + 1} to {end}")
             entry[f"{name}_mee"] = float(found.metrics["mee"].mean())
+        entry["correction"] = model.about.get("correction", "none")
         entry["no_motion"] = float(found.metrics["mean_displacement"].mean())
         if end < len(ordered):
             model, pose = _fit(model, scene, build_sample_table(store), ordered[:end], config)

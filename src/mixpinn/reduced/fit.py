@@ -3,7 +3,6 @@
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -13,6 +12,7 @@ from mixpinn.base.progress import track
 from mixpinn.fem import ElasticSystem, Material, default_solver
 from mixpinn.records import SampleTable
 from mixpinn.records.answer import discretisation_of
+from mixpinn.reduced.correction import REACH, WIDER, choose_correction, learned_share
 from mixpinn.reduced.drawn_steps import drawn_steps
 from mixpinn.reduced.equilibrium import Equilibrium
 from mixpinn.reduced.error_estimate import ErrorEstimate, Signs
@@ -20,7 +20,6 @@ from mixpinn.reduced.hybrid import HybridModel, features
 from mixpinn.reduced.modal_newton import ModalNewton
 from mixpinn.reduced.modes import coefficients, excited_modes, principal_modes
 from mixpinn.reduced.prior import ElasticPrior
-from mixpinn.reduced.ridge import column_deviations, ridge
 
 
 @dataclass(frozen=True)
@@ -186,16 +185,16 @@ def fit_correction(
     rng = np.random.default_rng(config.seed)
     weights = prior.coordinates.weights
     drawn = prepared.select(np.sort(rng.permutation(len(prepared))[: config.mode_samples]))
-    principal = principal_modes(drawn.response, weights, config.coordinates, rng=rng)
-    principal = excited_modes(principal, weights, drawn.response)
+    wide = principal_modes(drawn.response, weights, WIDER * config.coordinates, rng=rng)
+    principal = excited_modes(wide[: config.coordinates], weights, drawn.response)
     tied = prior.restraints
     system = ElasticSystem(prior.mesh, materials, joints=tied.joints, foundations=tied.foundations)
     linear = default_solver()
     linear.factorize(system.tangent(system.rest_state(), project=True))
     equilibrium = Equilibrium.of_materials(prior.mesh, materials, tied)
     steps = _DRAWN_SHARE * drawn_steps(prior, equilibrium, linear, config.drawn_contacts)
-    shown = np.concatenate([drawn.missed, _no_larger(steps, drawn.missed, weights)])
-    modes = principal_modes(shown, weights, config.modes, rng=rng)
+    steps = _no_larger(steps, drawn.missed, weights)
+    modes = principal_modes(np.concatenate([drawn.missed, steps]), weights, config.modes, rng=rng)
     duals = linear.solve(np.asfortranarray((weights**2 * modes).T, dtype=np.float64)).T
     newton = ModalNewton(
         prior, equilibrium, modes, np.ascontiguousarray(duals, dtype=np.float32),
@@ -203,13 +202,15 @@ def fit_correction(
     )
     readers = np.ascontiguousarray(prior.compliance.times(weights**2 * principal))
     step, coordinates = prepared.steps(newton), prepared.coordinates(readers)
-    gain, chosen = fit_gain(
-        step, coordinates, coefficients(modes, weights, prepared.missed), prepared.position, config,
+    gain, chosen = choose_correction(
+        step, coordinates, coefficients(modes, weights, prepared.missed), prepared.position,
+        responses=coefficients(wide, weights, prepared.response), drawn=coefficients(modes, weights, steps),
+        newton=config.newton, response=config.response, penalties=config.ridge,
     )
     length = float(chosen["newton_length"])
     return HybridModel(
         newton, readers, gain, about=chosen, newton_length=length,
-        reach=_REACH * learned_share(step, features(step, coordinates) @ gain, length),
+        reach=REACH * learned_share(step, features(step, coordinates) @ gain, length),
     )
 
 
@@ -221,72 +222,6 @@ def _no_larger(fields: Float32Array, known: Float32Array, weights: Float32Array)
     """Fields (N, D), those cut back that are larger than any of the known ones (S, D)."""
     size, most = (np.linalg.norm(rows * weights, axis=1) for rows in (fields, known))
     return fields * np.minimum(1.0, most.max() / np.maximum(size, 1e-12))[:, None].astype(np.float32)
-
-
-_REACH = 2.0
-"""How much more than on any training sample the regression may add to the Newton step; chosen by hand."""
-
-
-def learned_share(step: Float32Array, correction: Float32Array, length: float) -> float:
-    """The largest |z − ℓ ν| / |ν| of samples, for Newton steps ν (S, m), corrections z (S, m) and ℓ = `length`."""
-    size = np.maximum(np.linalg.norm(step, axis=1), 1e-12)
-    return float((np.linalg.norm(correction - length * step, axis=1) / size).max(initial=0.0))
-
-
-def fit_gain(
-    step: Float32Array, coordinates: Float32Array, target: Float32Array, position: IntArray, config: HybridConfig,
-) -> tuple[Float32Array, dict[str, Any]]:
-    """Ridge regression of the target (S, m) on the features, shape (F, m), and what cross-validation chose.
-
-    The regression shrinks towards a multiple of the Newton step (the best one by least squares), not towards zero: with
-    few samples the correction falls back to physics.
-
-    Args:
-        step: ν, shape (S, m).
-        coordinates: a, shape (S, k).
-        target: coefficients of what the prior misses, shape (S, m).
-        position: index of the probe position of each sample, shape (S,).
-        config: features and penalties.
-    """
-    n_modes = step.shape[1]
-    rows = features(step, coordinates).astype(np.float64)
-    newton = step.astype(np.float64)
-    length = config.newton * float((newton * target).sum() / max((newton**2).sum(), 1e-30))
-    rest = target - length * newton
-    used = np.zeros(rows.shape[1], dtype=bool)
-    used[:n_modes], used[n_modes:] = config.newton, config.response
-    choices = [(used, penalty) for penalty in config.ridge]
-    if config.newton and config.response:
-        alone = used.copy()
-        alone[n_modes:] = False
-        choices += [(alone, penalty) for penalty in config.ridge]
-    errors = [_cross_validate(rows[:, chosen], rest, position, penalty) for chosen, penalty in choices]
-    chosen, penalty = choices[int(np.argmin(errors))]
-    gain = np.zeros((rows.shape[1], n_modes))
-    gain[chosen] = _ridge(rows[:, chosen], rest, penalty)
-    gain[:n_modes] += length * np.eye(n_modes)
-    return gain.astype(np.float32), {
-        "ridge": penalty, "features": int(chosen.sum()), "newton_length": length,
-        "cross_validation": min(errors),
-    }
-
-
-def _ridge(rows: FloatArray, target: FloatArray, penalty: float) -> FloatArray:
-    """Ridge regression on features of unit variance, the penalty relative to the number of samples."""
-    return ridge(rows, target, penalty=penalty * len(rows), scale=column_deviations(rows))
-
-
-def _cross_validate(rows: FloatArray, target: FloatArray, position: IntArray, penalty: float, folds: int = 5) -> float:
-    """Mean norm of the error on positions that were left out of the fit."""
-    fold = np.searchsorted(np.unique(position), position) % folds
-    total = 0.0
-    for left in np.unique(fold):
-        out = fold == left
-        if out.all():
-            return float(np.linalg.norm(target, axis=1).mean())
-        missed = target[out] - rows[out] @ _ridge(rows[~out], target[~out], penalty)
-        total += float(np.linalg.norm(missed, axis=1).sum())
-    return total / len(target)
 
 
 def error_signs(model: HybridModel, table: SampleTable) -> tuple[list[Signs], FloatArray]:
