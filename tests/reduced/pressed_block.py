@@ -20,7 +20,9 @@ def pressed_table(
     """Samples at `n_samples` positions: a patch of the top pressed in by up to 4 mm with some shear."""
     rng = np.random.default_rng(seed)
     top = top_nodes(mesh)
-    system = ElasticSystem(mesh, materials, joints=restraints.joints, foundations=restraints.foundations)
+    system = ElasticSystem(
+        mesh, materials, joints=restraints.joints, foundations=restraints.foundations, membrane=restraints.membrane,
+    )
     fields, nodes, offsets, depths = [], [], [0], []
     for _ in range(n_samples):
         centre, depth = rng.uniform(10.0, 30.0, 2), rng.uniform(0.5, 4.0)

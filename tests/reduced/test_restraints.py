@@ -17,6 +17,7 @@ from mixpinn.fem import (
     solve_imposed,
 )
 from mixpinn.physics.foundation import Face, Foundation
+from mixpinn.physics.membrane import Membrane
 from mixpinn.physics.restraints import FREE, Restraints
 from mixpinn.records import TissueMesh
 from mixpinn.reduced.coordinates import ReducedCoordinates
@@ -34,6 +35,7 @@ FRAME = JointFrame("L1", "L2", (15.0, 21.0, 25.0), AXES)
 JOINT = Joint(FRAME, LinearBushing.of_diagonal([3.0, 4.0, 9.0, 900.0, 700.0, 1200.0]))
 PAD = Foundation(Face.FRONT, 2e-3, shear=1e-3, sink=2.0)
 SLIDE = Foundation(Face.CAPS, 1.0)
+SKIN = Membrane(shear=0.05, tension=0.01)
 
 
 def held(mesh: TissueMesh, k: int) -> TissueMesh:
@@ -49,6 +51,8 @@ BODIES = {
     "joint to a held part": (held(block_mesh(), 2), Restraints((JOINT,))),
     "pad": (free(block_mesh()), Restraints((), (PAD,))),
     "joint, pad, sliding caps": (free(block_mesh()), Restraints((JOINT,), (PAD, SLIDE))),
+    "skin": (block_mesh(), Restraints(membrane=SKIN)),
+    "joint, skin, quadratic": (block_mesh().with_order(2), Restraints((JOINT,), membrane=SKIN)),
     "held, quadratic": (held(free(block_mesh()), 2).with_order(2), Restraints((JOINT,), (PAD,))),
 }
 
@@ -68,7 +72,7 @@ def test_residual_is_that_of_the_solver(body) -> None:
     unknowns = 0.5 * rng.standard_normal(coordinates.size)
     unknowns[coordinates.n_soft:] *= 0.3
     unknowns[coordinates.n_soft:].reshape(-1, 6)[coordinates.held] = 0.0
-    system = ElasticSystem(mesh, [TISSUE], joints=tied.joints, foundations=tied.foundations)
+    system = ElasticSystem(mesh, [TISSUE], joints=tied.joints, foundations=tied.foundations, membrane=tied.membrane)
     state = system.advance(system.rest_state(), unknowns)
     expected = system.residual(system.gradient(state), state)
     found = Equilibrium.of_materials(mesh, [TISSUE], tied).residual(unknowns, coordinates)
@@ -83,7 +87,7 @@ def test_small_loads_are_answered_as_the_solver_does(body) -> None:
     prior, top = prior_of(mesh, tied), top_nodes(mesh)[::3]
     away = np.linalg.norm(mesh.node_points[top][:, [0, 2]] - [18.0, 23.0], axis=1)
     move = 1e-3 * np.exp(-((away / 15.0) ** 2))[:, None] * [0.3, -1.0, 0.2]
-    system = ElasticSystem(mesh, [TISSUE], joints=tied.joints, foundations=tied.foundations)
+    system = ElasticSystem(mesh, [TISSUE], joints=tied.joints, foundations=tied.foundations, membrane=tied.membrane)
     config = SolverConfig(tolerance=1e-8, force_floor=1e-12)
     exact = [solve_imposed(system, [(top, way * move)], config=config, linear=SuperLUSolver()) for way in (1.0, -1.0)]
     assert exact[0].converged.all()

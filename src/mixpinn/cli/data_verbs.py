@@ -89,6 +89,7 @@ def simulate(
     support: options.Front = None,
     hold: options.Hold = None,
     caps: options.Caps = None,
+    membrane: options.Skin = None,
     workers: Annotated[int | None, typer.Option(help="Processes; every core by default.")] = None,
     scheduler: Annotated[str | None, typer.Option(help="Address of a Dask scheduler to use instead.")] = None,
     config: options.Config = None,
@@ -99,7 +100,7 @@ def simulate(
 
     settings = options.simulation_settings(
         config, overrides, protocol=protocol, probe=probe, positions=positions, paper_constants=paper_constants,
-        workers=workers, restraints=options.restraint_options(joints, support, hold, caps),
+        workers=workers, restraints=options.restraint_options(joints, support, hold, caps, membrane),
     )
     meshed = options.load_mesh(source)
     if (source / JOINTS_FILE).is_file() and not paper_constants and protocol not in ("paper", "sofa-replay"):

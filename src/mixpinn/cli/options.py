@@ -28,6 +28,7 @@ Joints = Annotated[str | None, typer.Option(help="Joints between vertebrae: none
 Front = Annotated[str | None, typer.Option("--support", help="What the front rests on: anterior, table or free.")]
 Hold = Annotated[list[str] | None, typer.Option(help="A rigid part that is held in place; repeatable.")]
 Caps = Annotated[str | None, typer.Option(help="Caps of the crop: free, sliding or held.")]
+Skin = Annotated[str | None, typer.Option("--membrane", help="The skin as a membrane: none, tension or elastic.")]
 PaperConstants = Annotated[bool, typer.Option(help="Tissue constants of the paper's fields.")]
 MeshSource = Annotated[Path, typer.Argument(help="Folder that 'mixpinn mesh' wrote, or its mesh.vtu.")]
 Out = Annotated[Path, typer.Option("--out", "-o", help="Run directory; an unfinished run in it continues.")]
@@ -87,12 +88,13 @@ def role_options(
 
 
 def restraint_options(
-    joints: str | None, front: str | None, hold: list[str] | None, caps: str | None,
+    joints: str | None, front: str | None, hold: list[str] | None, caps: str | None, membrane: str | None,
 ) -> dict[str, Any]:
-    """Settings of joints and supports from options; empty where none is given."""
+    """Settings of joints, supports and skin from options; empty where none is given."""
     support = {"front": front, "held": hold and tuple(hold), "caps": caps}
     given = {key: value for key, value in support.items() if value is not None}
-    return ({"joints": joints} if joints is not None else {}) | ({"support": given} if given else {})
+    named = {"joints": joints, "membrane": membrane, "support": given or None}
+    return {key: value for key, value in named.items() if value is not None}
 
 
 def simulation_settings(

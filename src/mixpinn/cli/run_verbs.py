@@ -20,13 +20,14 @@ def run(
     support: options.Front = None,
     hold: options.Hold = None,
     caps: options.Caps = None,
+    membrane: options.Skin = None,
     overrides: options.Set = None,
     threads: options.Threads = None,
 ) -> None:
     """The whole pipeline, from label maps to report; an interrupted run continues."""
     from mixpinn.pipeline import RunConfig, run_pipeline
 
-    restraints = options.restraint_options(joints, support, hold, caps)
+    restraints = options.restraint_options(joints, support, hold, caps, membrane)
     settings = options.settings_layers(config, overrides, simulation=restraints or None)
     run_pipeline(build_config(RunConfig, *settings), out=out, threads=threads)
 
@@ -56,6 +57,7 @@ def onboard(
     support: options.Front = None,
     hold: options.Hold = None,
     caps: options.Caps = None,
+    membrane: options.Skin = None,
     workers: Annotated[int | None, typer.Option(help="Processes; every core by default.")] = None,
     pictures: Annotated[bool, typer.Option(help="Render the deformed mesh.")] = True,
     config: options.Config = None,
@@ -67,9 +69,8 @@ def onboard(
 
     roles = options.role_options(rigid, target, paper_parts, layers, ct)
     anatomy: dict[str, Any] = {**source_settings(source), **roles}
-    simulation = {
-        "probe": probe and str(probe), "workers": workers, **options.restraint_options(joints, support, hold, caps),
-    }
+    restraints = options.restraint_options(joints, support, hold, caps, membrane)
+    simulation = {"probe": probe and str(probe), "workers": workers, **restraints}
     settings = build_config(OnboardingConfig, *options.settings_layers(
         config, overrides, poses=poses, pictures=None if pictures else False,
         anatomy={**anatomy, "repair": source != "phantom"}, mesh={"size": size} if size else None,

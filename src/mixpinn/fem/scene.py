@@ -15,6 +15,7 @@ from mixpinn.geometry.probe_shapes import linear_probe
 from mixpinn.mesh.joint_frames import joint_frames, neighbours
 from mixpinn.physics.foundation import Foundation
 from mixpinn.physics.joint_system import Joint, JointSystem
+from mixpinn.physics.membrane import Membrane
 from mixpinn.physics.restraints import Restraints
 from mixpinn.records import Probe, TissueMesh
 
@@ -32,6 +33,7 @@ class Scene:
         skin: the surface that the probe can touch; None for the mesh's own skin.
         joints: between rigid parts; by default none, and the parts float in the tissue (`joined` sets a preset's).
         foundations: under the skin; by default none, and the mesh's fixed nodes hold the body.
+        membrane: of the skin; by default none.
     """
 
     mesh: TissueMesh
@@ -42,6 +44,7 @@ class Scene:
     skin: SkinSurface | None = None
     joints: tuple[Joint, ...] = ()
     foundations: tuple[Foundation, ...] = ()
+    membrane: Membrane | None = None
 
     def __post_init__(self) -> None:
         if not self.materials:
@@ -73,8 +76,8 @@ class Scene:
 
     @property
     def restraints(self) -> Restraints:
-        """Joints and foundations."""
-        return Restraints(self.joints, self.foundations)
+        """Joints, foundations and membrane."""
+        return Restraints(self.joints, self.foundations, self.membrane)
 
     def hash(self) -> str:
         """Identity of all that decides the result; thread counts do not."""

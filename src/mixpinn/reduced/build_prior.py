@@ -69,7 +69,9 @@ def build_prior(
             "contact nodes", expected="free soft nodes of the mesh", got="none, or fixed or rigid ones",
             fix="choose nodes of the probed skin",
         )
-    system = ElasticSystem(mesh, materials, joints=restraints.joints, foundations=restraints.foundations)
+    system = ElasticSystem(
+        mesh, materials, joints=restraints.joints, foundations=restraints.foundations, membrane=restraints.membrane,
+    )
     linear = linear or default_solver()
     linear.factorize(system.tangent(system.rest_state(), project=True))
     unknowns = system.node_dofs(nodes).ravel()

@@ -16,6 +16,7 @@ from mixpinn.geometry.rotations import rotation_from_vector
 from mixpinn.geometry.tetrahedra import shape_gradients
 from mixpinn.physics.foundation import FoundationSystem
 from mixpinn.physics.joint_system import JointSystem
+from mixpinn.physics.membrane import MembraneSystem
 from mixpinn.physics.restraints import FREE, Restraints
 from mixpinn.physics.single_precision import add_quadratic_stable_forces, add_stable_forces, in_lanes
 from mixpinn.records import TissueMesh
@@ -32,7 +33,7 @@ class Equilibrium:
     Args:
         mesh: the mesh.
         mu, lam: Lamé constants of each tissue of the mesh [N/mm²], shape (T,).
-        restraints: joints and foundations, which are evaluated in double precision.
+        restraints: joints, foundations and membrane, which are evaluated in double precision.
 
     Example:
         >>> coordinates = ReducedCoordinates(mesh)
@@ -59,7 +60,11 @@ class Equilibrium:
         self.restraints = restraints
         centroids = [mesh.points[mesh.part_nodes(k)].mean(axis=0) for k in range(1, mesh.n_parts + 1)]
         self._joints = JointSystem(restraints.joints, mesh.rigid_names, np.array(centroids).reshape(-1, 3))
-        self._foundations = FoundationSystem(restraints.foundations, mesh)
+        self._under = [
+            system for system in (
+                FoundationSystem(restraints.foundations, mesh), MembraneSystem(restraints.membrane, mesh),
+            ) if len(system)
+        ]
 
     @staticmethod
     def of_materials(
@@ -87,8 +92,8 @@ class Equilibrium:
         nodal = np.zeros_like(moved)
         add = add_quadratic_stable_forces if self._quadratic else add_stable_forces
         add(self._cells, moved, self._gradients, self._constants, nodal)
-        if len(self._foundations):
-            self._foundations.add_forces(moved, nodal)
+        for under in self._under:
+            under.add_forces(moved, nodal)
         return nodal
 
     def residual(self, unknowns: AnyArray, coordinates: ReducedCoordinates) -> Float32Array:

@@ -188,7 +188,9 @@ def fit_correction(
     wide = principal_modes(drawn.response, weights, WIDER * config.coordinates, rng=rng)
     principal = excited_modes(wide[: config.coordinates], weights, drawn.response)
     tied = prior.restraints
-    system = ElasticSystem(prior.mesh, materials, joints=tied.joints, foundations=tied.foundations)
+    system = ElasticSystem(
+        prior.mesh, materials, joints=tied.joints, foundations=tied.foundations, membrane=tied.membrane,
+    )
     linear = default_solver()
     linear.factorize(system.tangent(system.rest_state(), project=True))
     equilibrium = Equilibrium.of_materials(prior.mesh, materials, tied)

@@ -31,7 +31,9 @@ class NewtonSteps:
         self.prior, self.steps = prior, steps
         self.name = f"Prior + {steps} Newton step{'s' if steps > 1 else ''}"
         tied = prior.restraints
-        self._system = ElasticSystem(prior.mesh, materials, joints=tied.joints, foundations=tied.foundations)
+        self._system = ElasticSystem(
+            prior.mesh, materials, joints=tied.joints, foundations=tied.foundations, membrane=tied.membrane,
+        )
         self._rest, self._now = default_solver(), default_solver()
         self._rest.factorize(self._system.tangent(self._system.rest_state(), project=True))
 

@@ -13,6 +13,7 @@ from mixpinn.fem.contact.model import ContactConfig
 from mixpinn.fem.solve.quasi_static import SolverConfig
 from mixpinn.geometry.probe_pose import PATH_STEP
 from mixpinn.mesh import FixedRegion, fixed_nodes, refine
+from mixpinn.physics.restraints import FREE
 from mixpinn.records import TissueMesh
 from mixpinn.records.error_budget import BudgetKind
 from mixpinn.serving import HybridPredictor
@@ -105,6 +106,7 @@ def base_scene(predictor: HybridPredictor, config: BudgetConfig) -> Scene:
         predictor.mesh, pose.probes[0].probe, materials,
         ContactConfig(gap=pose.contact.config.gap, friction=pose.contact.config.friction),
         SolverConfig(threads=config.threads), joints=restraints.joints, foundations=restraints.foundations,
+        membrane=restraints.membrane,
     )
 
 
@@ -140,7 +142,7 @@ def variants(base: Scene, config: BudgetConfig, *, facets: TissueMesh | None = N
     for sign in (-1.0, 1.0):
         soft = tuple(_with_poisson(material, sign * config.poisson) for material in tissues)
         found.append(Variant(POISSON, unknown, f"{_moduli(soft[0])[1]:.3f}", partial(replace, base, materials=soft)))
-    if len(base.materials) > 1 or base.joints or base.foundations:
+    if len(base.materials) > 1 or base.restraints != FREE:
         first = 1 if len(base.materials) > 1 else 0
         for factor in (1.0 - config.modulus, 1.0 + config.modulus):
             scaled = tuple(

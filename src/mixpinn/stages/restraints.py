@@ -174,7 +174,13 @@ def describe(mesh: TissueMesh, restraints: Restraints) -> dict[str, str]:
         lines.append("held bones: " + ", ".join(held))
     count = len(restraints.joints)
     names = ", ".join(joint.frame.name.replace("vertebrae_", "") for joint in restraints.joints)
-    return {
+    sheet = restraints.membrane
+    stretched = {} if sheet is None else {
+        "Skin": f"a membrane under {1e3 * sheet.tension:.3g} N/m" + (
+            f", {3.0 * sheet.shear:.3g} N/mm against stretch" if sheet.shear else ""
+        ),
+    }
+    return stretched | {
         "Supports": "; ".join(lines) or "nothing",
         "Joints": f"{count}: {names}" if count else "none, rigid parts float in the tissue",
     }

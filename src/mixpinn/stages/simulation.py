@@ -35,6 +35,7 @@ from mixpinn.fem import (
     scene_hash,
     scene_record,
 )
+from mixpinn.fem.material.skin_presets import MEMBRANES, SkinPreset, preset_of
 from mixpinn.fem.material.tissue_presets import TissuePreset, preset_modulus
 from mixpinn.geometry.probe_shapes import linear_probe
 from mixpinn.physics.restraints import JOINTS
@@ -132,6 +133,8 @@ class SimulationConfig:
             in-vivo-prone where label maps were meshed (not where discs are among the tissues), else none.
         joint_frames: file of joint frames instead of those that the anatomy gives.
         support: what the body rests on.
+        membrane: the skin besides the tissue under it: ``none``, ``tension`` or ``elastic``
+            (`mixpinn.fem.material.skin_presets`).
     """
 
     tissue: TissueConfig = field(default_factory=TissueConfig)
@@ -147,6 +150,7 @@ class SimulationConfig:
     joints: JointChoice = "auto"
     joint_frames: str | None = None
     support: SupportConfig = AS_MESHED
+    membrane: SkinPreset = SkinPreset.NONE
 
     def __post_init__(self) -> None:
         require_settings(self, "simulation", positive(self, "timeout"))
@@ -180,6 +184,7 @@ def make_scene(mesh: TissueMesh, config: SimulationConfig) -> Scene:
     joints = joints_between(mesh, config.joints, frames=config.joint_frames)
     return Scene(
         mesh, probe, materials, config.contact, config.solver, joints=joints, foundations=foundations,
+        membrane=MEMBRANES[config.membrane],
     )
 
 
@@ -203,6 +208,7 @@ def settings_of(store: SimulationStore) -> SimulationConfig:
             name: TissueConfig.of_material(material) for name, material in zip(names, store.materials(), strict=True)
         },
         protocol=store.protocol, contact=store.contact(), joints=choice, support=support,
+        membrane=preset_of(store.restraints().membrane),
         solver=build_config(SolverConfig, {"threads": 1}, solver),
     )
 
@@ -254,7 +260,10 @@ def begin_simulations(
     settings = asdict(config)
     for later in ("workers", "timeout"):  # decide when, not what
         del settings[later]
-    usual = {"moduli": "compression", "joints": "auto", "joint_frames": None, "support": asdict(AS_MESHED)}
+    usual = {
+        "moduli": "compression", "joints": "auto", "joint_frames": None, "support": asdict(AS_MESHED),
+        "membrane": "none",
+    }
     for name, value in usual.items():
         if settings[name] == value:  # as runs have them that were begun before there was such a setting
             del settings[name]

@@ -20,6 +20,7 @@ from mixpinn.geometry.tetrahedra import shape_gradients
 from mixpinn.physics import linear_tetrahedron, quadratic_tetrahedron
 from mixpinn.physics.foundation import Foundation, FoundationSystem
 from mixpinn.physics.joint_system import Joint, JointSystem
+from mixpinn.physics.membrane import Membrane, MembraneSystem
 from mixpinn.physics.quadrature import TETRAHEDRON_4, Quadrature
 from mixpinn.records import TissueMesh
 
@@ -64,6 +65,7 @@ class ElasticSystem:
         quadrature: of ten-node cells.
         joints: between the rigid parts; their energy belongs to E.
         foundations: under the skin; their energy belongs to E.
+        membrane: of the skin; its energy belongs to E.
 
     Raises:
         InputError: wrong number of materials, inverted cells, a rigid part of which some nodes are fixed, or without
@@ -88,6 +90,7 @@ class ElasticSystem:
     def __init__(
         self, mesh: TissueMesh, materials: Sequence[Material], *, extra_pairs: IntArray | None = None, threads: int = 1,
         quadrature: Quadrature = TETRAHEDRON_4, joints: Sequence[Joint] = (), foundations: Sequence[Foundation] = (),
+        membrane: Membrane | None = None,
     ) -> None:
         check_elastic_input(mesh, len(materials), extra_pairs)
         self.mesh = mesh
@@ -99,6 +102,7 @@ class ElasticSystem:
         self._rigid = RigidParts(self._rest, self._part, mesh.n_parts, n_vertices=mesh.n_points)
         self.joints = JointSystem(joints, mesh.rigid_names, self._rigid.centroids)
         self.foundations = FoundationSystem(tuple(foundations), mesh)
+        self.membrane = MembraneSystem(membrane, mesh)
 
         # Sorted, ten nodes are four vertices and the midpoints of their pairs in ascending order.
         self._all_cells = np.sort(np.asarray(mesh.cell_nodes, dtype=np.int64), axis=1)
@@ -167,18 +171,22 @@ class ElasticSystem:
         return moved
 
     def energy(self, state: State) -> float:
-        """Elastic energy E of cells, joints and foundations [N mm], zero at rest."""
+        """Elastic energy E of cells, joints, foundations and membrane [N mm], zero at rest."""
         energy = self._elastic.energy(state.points) + self.joints.energy(state.rotation, state.translation)
-        return energy + self.foundations.energy(state.points - self._rest) if len(self.foundations) else energy
+        for under in (self.foundations, self.membrane):
+            if len(under):
+                energy += under.energy(state.points - self._rest)
+        return energy
 
     def gradient(self, state: State) -> FloatArray:
-        """Gradient of the energy of cells and foundations at every node, fixed and rigid ones included [N], (n, 3).
+        """Gradient of the energy but that of joints at every node, fixed and rigid ones included [N], shape (n, 3).
 
         Joints act on parts, not on nodes: `residual` has them.
         """
         gradient = self._elastic.gradient(state.points)
-        if len(self.foundations):
-            self.foundations.add_forces(state.points - self._rest, gradient)
+        for under in (self.foundations, self.membrane):
+            if len(under):
+                under.add_forces(state.points - self._rest, gradient)
         return gradient
 
     def residual(self, nodal: FloatArray, state: State) -> FloatArray:
@@ -230,6 +238,8 @@ class ElasticSystem:
             self._add(blocks)
         if len(self.foundations):
             self.foundations.add_stiffness(state.points - self._rest, self._diagonals)
+        if len(self.membrane):
+            self._add(self.membrane.stiffness(state.points - self._rest, project=project))
         arms = self._rigid.arms(state.points, state.translation)
         data = np.empty(reduction.nnz)
         n_soft = len(reduction.soft_nodes)

@@ -28,8 +28,8 @@ def contact_model(scene: Scene) -> ContactModel:
 
 
 def elastic_system(scene: Scene) -> ElasticSystem:
-    """The elastic bodies of `scene`, with its joints and foundations."""
+    """The elastic bodies of `scene`, with its joints, foundations and membrane."""
     return ElasticSystem(
         scene.mesh, scene.materials, threads=scene.solver.threads or 1, joints=scene.joints,
-        foundations=scene.foundations,
+        foundations=scene.foundations, membrane=scene.membrane,
     )

@@ -129,7 +129,7 @@ def solve_fully(setup: Setup, on_step: Callable[[int, int], None] | None = None)
         setup.mesh, Probe(np.asarray(setup.points), np.asarray(setup.triangles)),
         tuple(StableNeoHookean(mu=mu, lam=lam) for mu, lam in zip(setup.mu, setup.lam, strict=True)),
         ContactConfig(gap=setup.gap, friction=setup.friction), joints=setup.restraints.joints,
-        foundations=setup.restraints.foundations,
+        foundations=setup.restraints.foundations, membrane=setup.restraints.membrane,
     )
     return solve_pose(scene, setup.pose.translation, setup.pose.rotation, on_step=on_step)
 
