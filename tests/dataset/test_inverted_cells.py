@@ -79,6 +79,9 @@ def test_summary_lists_them_and_keeps_them_for_the_next_time(tmp_path, mesh):
     assert GenerationSummary.load(tmp_path / "summary.json") == summary
     assert "inverted" not in summary.totals()
 
+    kept = (tmp_path / "inverted.json").read_text()
+    (tmp_path / "inverted.json").write_text(kept.replace('"steps": 2', '"steps": 3'))
+    assert summarise(store) == summary  # an altered list is made anew
     (tmp_path / "mesh.vtu").unlink()  # not opened again
     assert summarise(store) == summary
     (tmp_path / "inverted.json").write_text("{")

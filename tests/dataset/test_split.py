@@ -73,6 +73,14 @@ def test_round_trip(tmp_path):
         np.testing.assert_array_equal(getattr(again, part), getattr(split, part))
 
 
+def test_an_altered_split_is_refused(tmp_path):
+    split_positions(20).save(tmp_path / "split.json")
+    text = (tmp_path / "split.json").read_text()
+    (tmp_path / "split.json").write_text(text.replace('"positions-42"', '"positions-43"'))
+    with pytest.raises(InputError, match="altered after it was made"):
+        Split.load(tmp_path / "split.json")
+
+
 def test_overlap_is_refused(tmp_path):
     with pytest.raises(InputError, match="each position in one part"):
         Split("bad", np.array([1, 2]), np.array([3]), np.array([2]))

@@ -52,6 +52,22 @@ def test_create_goes_on_with_its_own_store_only(tmp_path, scene):
         short_store(tmp_path, FakeScene(block(4)))
 
 
+@pytest.mark.parametrize("absent", [("manifest.json",), ("manifest.json", "mesh.vtu")])
+def test_a_store_that_was_being_begun_is_begun_again(tmp_path, scene, absent):
+    short_store(tmp_path, scene)
+    for name in absent:
+        (tmp_path / name).unlink()
+    short_store(tmp_path, scene)
+    assert SimulationStore.open(tmp_path).mesh().hash() == scene.mesh.hash()
+
+
+def test_a_record_that_is_no_record_is_one_line(tmp_path, scene):
+    short_store(tmp_path, scene)
+    (tmp_path / "store.json").write_text("[]")
+    with pytest.raises(InputError, match="a store with other .*mesh_hash"):
+        short_store(tmp_path, scene)
+
+
 def test_a_store_and_its_table_name_their_discretisation(tmp_path, scene):
     store = filled_store(tmp_path, scene)
     assert json.loads((tmp_path / "store.json").read_text())["discretisation"] == discretisation_of(scene.mesh)

@@ -27,6 +27,14 @@ def test_bad_frames_are_refused(first: str, axes: np.ndarray) -> None:
         JointFrame(first, "L1", (0.0, 0.0, 0.0), axes.tolist())
 
 
+def test_altered_frames_are_refused(tmp_path) -> None:
+    save_joint_frames([JointFrame("L2", "L1", (1.0, 2.0, 3.0), AXES, 34.5)], tmp_path / "joints.json")
+    text = (tmp_path / "joints.json").read_text()
+    (tmp_path / "joints.json").write_text(text.replace("34.5", "35.5"))
+    with pytest.raises(InputError, match="altered after it was made"):
+        load_joint_frames(tmp_path / "joints.json")
+
+
 @pytest.mark.parametrize("text", ["[]", '{"joints": [{"first": "L1"}]}', '{"joints": 3}'])
 def test_a_damaged_file_is_refused(tmp_path, text: str) -> None:
     (tmp_path / "joints.json").write_text(json.dumps(json.loads(text)))

@@ -3,6 +3,7 @@ import pytest
 
 from mixpinn.base.errors import InputError
 from mixpinn.records import SampleTable
+from mixpinn.stages.seal import seal_folder
 
 
 @pytest.fixture
@@ -39,13 +40,23 @@ def test_contact_error_is_added_to_the_contact_nodes_alone_and_survives_saving(t
         np.testing.assert_array_equal(given[2].displacement, table[2].displacement)
 
 
+def seal(folder):
+    """Vouch for what lies in a table's folder."""
+    (folder / "manifest.json").unlink()
+    seal_folder(folder)
+
+
 def test_damaged_tables_are_refused(table, tmp_path):
     table.save(tmp_path / "samples")
     (tmp_path / "samples" / "depth.npy").write_bytes(b"nothing")
+    with pytest.raises(InputError, match=r"depth\.npy: .*altered after it was made"):
+        SampleTable.load(tmp_path / "samples")
+    seal(tmp_path / "samples")
     with pytest.raises(InputError, match="expected a readable array, got something else") as caught:
         SampleTable.load(tmp_path / "samples")
     assert "pickle" not in str(caught.value)
     (tmp_path / "samples" / "depth.npy").unlink()
+    seal(tmp_path / "samples")
     with pytest.raises(InputError, match="readable array"):
         SampleTable.load(tmp_path / "samples")
 
@@ -62,6 +73,7 @@ def test_damaged_tables_are_refused(table, tmp_path):
 def test_each_damaged_array_is_one_line(table, tmp_path, name, value, says):
     table.save(tmp_path / "samples")
     np.save(tmp_path / "samples" / f"{name}.npy", value)
+    seal(tmp_path / "samples")
     with pytest.raises(InputError, match=says) as caught:
         SampleTable.load(tmp_path / "samples")
     assert name in str(caught.value)

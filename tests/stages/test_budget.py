@@ -121,6 +121,16 @@ def test_a_damaged_solve_is_refused(tmp_path):
     (tmp_path / "a.npz").write_bytes(b"no solve")
     with pytest.raises(InputError, match="kept solve"):
         Found.load(tmp_path / "a.npz")
+    sound = {
+        "force": np.ones(3), "translations": np.ones((2, 3)), "field": np.ones((4, 3)), "converged": np.array(True),
+    }
+    for name, wrong, says in (
+        ("force", np.array([1.0, np.nan, 1.0]), "finite"), ("translations", np.ones(6), "shape"),
+        ("field", np.ones((4, 2)), "shape"), ("converged", np.array([True]), "shape"),
+    ):
+        np.savez(tmp_path / "a.npz", **(sound | {name: wrong}))
+        with pytest.raises(InputError, match=f"{name}: .*{says}"):
+            Found.load(tmp_path / "a.npz")
 
 
 def test_the_fixed_region_grows_and_shrinks_on_the_skin(predictor):

@@ -11,6 +11,7 @@ from mixpinn.dataset import SMALL, SimulationStore
 from mixpinn.fem import DEFAULT_TISSUE, Joint, JointFrame, LinearBushing, Scene
 from mixpinn.pipeline import onboarding
 from mixpinn.reduced.hybrid import HybridModel
+from mixpinn.serving import load_predictor
 from mixpinn.stages.simulation import begin_simulations, settings_of, settings_of_scene
 
 AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
@@ -57,3 +58,15 @@ def test_the_prior_bundle_knows_the_joints(begun, tmp_path) -> None:
     assert again.newton.equilibrium.restraints == scene.restraints
     bare = onboarding._prior_bundle(replace(scene, joints=()), tmp_path / "bare")
     assert np.abs(again.prior.own_compliance - bare.prior.own_compliance).max() > 1e-3 * bare.prior.own_compliance.max()
+
+
+@pytest.mark.parametrize("absent", ["manifest.json", "pose.safetensors", "prior/manifest.json"])
+def test_a_prior_bundle_that_was_being_written_is_written_again(begun, tmp_path, absent) -> None:
+    scene, _ = begun
+    onboarding._prior_bundle(scene, tmp_path / "bundle")
+    (tmp_path / "bundle" / absent).unlink()
+    onboarding._prior_bundle(scene, tmp_path / "bundle")
+    assert load_predictor(tmp_path / "bundle", warm_up=False).pose is not None
+    kept = (tmp_path / "bundle" / "hybrid.json").stat().st_mtime_ns
+    onboarding._prior_bundle(scene, tmp_path / "bundle")
+    assert (tmp_path / "bundle" / "hybrid.json").stat().st_mtime_ns == kept

@@ -1,15 +1,13 @@
 """Inverted cells of a store: which cells a load turned inside out, in which poses, at which depths."""
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from mixpinn.base.errors import InputError
-from mixpinn.base.files import read_json, write_json
-from mixpinn.base.validated import checked_record
+from mixpinn.base.validated import load_record, save_record
 from mixpinn.dataset.status import PoseState, PoseStatus
 from mixpinn.dataset.store import SimulationStore
 from mixpinn.fem.elements.jacobians import smallest_jacobians
@@ -51,11 +49,6 @@ class InvertedCell:
     tissue: str
     volume: float
     radius_ratio: float
-
-    @staticmethod
-    def of_json(values: dict[str, Any]) -> "InvertedCell":
-        """From the plain values that `dataclasses.asdict` made."""
-        return InvertedCell(**{**values, "parts": tuple(values["parts"])})
 
 
 def inverted_cells(mesh: TissueMesh, simulation: Simulation, pose: str) -> list[InvertedCell]:
@@ -103,21 +96,21 @@ def list_inverted(store: SimulationStore, statuses: Sequence[PoseStatus]) -> tup
     """
     path = store.folder / KNOWN
     kept = _known(path)
-    entries: dict[str, Any] = {}
+    entries: dict[str, _Kept] = {}
     mesh: TissueMesh | None = None
     poses = {pose.name: pose for pose in store.poses}
     for status in statuses:
         if status.state is not PoseState.DONE or (status.min_jacobian is not None and status.min_jacobian > 0.0):
             continue
         entry = kept.get(status.name)
-        if entry is None or entry["hash"] != status.content_hash:
+        if entry is None or entry.hash != status.content_hash:
             mesh = mesh or store.mesh()
             cells = inverted_cells(mesh, store.load(poses[status.name]), status.name)
-            entry = {"hash": status.content_hash, "cells": [asdict(cell) for cell in cells]}
+            entry = _Kept(status.content_hash, tuple(cells))
         entries[status.name] = entry
     if entries != kept:
-        write_json(path, entries)
-    return tuple(InvertedCell.of_json(cell) for entry in entries.values() for cell in entry["cells"])
+        save_record(path, entries)
+    return tuple(cell for entry in entries.values() for cell in entry.cells)
 
 
 @dataclass(frozen=True)
@@ -128,11 +121,11 @@ class _Kept:
     cells: tuple[InvertedCell, ...]
 
 
-def _known(path: Path) -> dict[str, Any]:
+def _known(path: Path) -> dict[str, _Kept]:
     """What an earlier call kept; nothing where that is absent or damaged."""
+    if not path.is_file():
+        return {}
     try:
-        kept: dict[str, Any] = read_json(path) if path.is_file() else {}
-        checked_record(dict[str, _Kept], kept, str(path), remake="delete it: the cells are sought again")
+        return load_record(dict[str, _Kept], path, remake="delete it: the cells are sought again")
     except InputError:
         return {}
-    return kept

@@ -8,9 +8,10 @@ import numpy as np
 from pydantic import Field
 
 from mixpinn.base.arrays import AnyArray, IntArray
+from mixpinn.base.checksum import without_checksum
 from mixpinn.base.errors import InputError
-from mixpinn.base.files import read_json, write_json
-from mixpinn.base.validated import checked_record
+from mixpinn.base.files import read_json
+from mixpinn.base.validated import checked_record, save_record
 
 _Position = Annotated[int, Field(ge=0, lt=2**31)]
 """Index of a probe position."""
@@ -52,17 +53,18 @@ class Split:
         return {"train": self.train, "validation": self.validation, "test": self.test}
 
     def save(self, path: Path | str) -> None:
-        """Write as JSON."""
-        write_json(path, {"name": self.name, **self.parts})
+        """Write as JSON, with a checksum."""
+        save_record(path, {"name": self.name, **self.parts})
 
     @staticmethod
     def load(path: Path | str) -> "Split":
         """Read what `save` wrote, or a JSON with the keys ``train``, ``val`` (or ``validation``) and ``test``.
 
         Raises:
-            InputError: absent, of another layout, or parts that overlap.
+            InputError: absent, altered after `save`, of another layout, or parts that overlap.
         """
-        values, remake = read_json(path), "write the split again"
+        remake = "write the split again"
+        values = without_checksum(read_json(path), str(path), remake=remake)
         if not isinstance(values, dict):
             raise InputError(
                 str(path), expected="lists of position indices 'train', 'validation' and 'test'",

@@ -98,16 +98,19 @@ class SimulationStore:
         record = store._record()
         if (folder / RECORD).exists():
             before = read_json(folder / RECORD)
-            changed = [key for key, value in record.items() if before.get(key) != value]
+            known = before if isinstance(before, dict) else {}
+            changed = [key for key, value in record.items() if known.get(key) != value]
             if changed:
-                meshes = f" (of {_made_on(before)} instead of {discretisation_of(mesh)})"
+                meshes = f" (of {_made_on(known)} instead of {discretisation_of(mesh)})"
                 other = meshes if "mesh_hash" in changed else ""
                 raise InputError(
                     str(folder), expected="an empty folder or a store begun with the same settings",
                     got=f"a store with other {', '.join(changed)}{other}",
                     fix="choose another folder or delete this one",
                 )
-            return store
+            if STORE.is_sealed(folder):
+                return store
+            # Whoever began it was stopped before all was written.
         mesh.save(folder / MESH_FILE)
         if probe is not None:
             probe.save(folder / PROBE)

@@ -1,5 +1,6 @@
 """Model folders: a trained network with its configuration, its mesh and how it was trained."""
 
+import contextlib
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from functools import cache
@@ -51,8 +52,10 @@ def save_checkpoint(
     """
     folder = Path(folder)
     mesh_hash = mesh.hash()
-    same_mesh = (folder / MESH_FILE).exists() and (folder / MODEL_FILE).exists() and \
-        read_json(folder / MODEL_FILE).get("mesh_hash") == mesh_hash
+    same_mesh = False
+    with contextlib.suppress(InputError):  # a model that is absent or damaged is written whole
+        NETWORK.check(folder, MESH_FILE)
+        same_mesh = read_description(folder)["mesh_hash"] == mesh_hash
     if not same_mesh:
         mesh.save(folder / MESH_FILE)
     write_tensors(folder / WEIGHTS_FILE, model.state_dict(), about={"mesh_hash": mesh_hash})

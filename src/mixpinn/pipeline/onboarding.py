@@ -26,7 +26,7 @@ from mixpinn.reduced.fit import HybridConfig, fit_hybrid
 from mixpinn.reduced.hybrid import HybridModel
 from mixpinn.stages.anatomy import AnatomyConfig, make_anatomy
 from mixpinn.stages.evaluation import Background, EvaluationConfig, evaluate_models
-from mixpinn.stages.hybrid import SPLIT_FILE, fit_pose_model, plain_pose_model, save_bundle
+from mixpinn.stages.hybrid import SPLIT_FILE, fit_pose_model, is_whole, plain_pose_model, save_bundle
 from mixpinn.stages.mesh import MeshConfig, make_mesh
 from mixpinn.stages.prior import cached_prior
 from mixpinn.stages.restraints import describe
@@ -117,7 +117,7 @@ def _prior_bundle(scene: Scene, bundle: Path) -> HybridModel:
         cached_prior(scene.mesh, scene.materials, restraints=scene.restraints),
         Equilibrium.of_materials(scene.mesh, scene.materials, scene.restraints),
     )
-    if not (bundle / "hybrid.json").exists():
+    if not is_whole(bundle):
         save_bundle(model, bundle)
         save_pose_model(plain_pose_model(model, scene.probe, scene.contact), bundle)
     return model

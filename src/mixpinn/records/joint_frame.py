@@ -8,11 +8,14 @@ from typing import Any
 import numpy as np
 
 from mixpinn.base.arrays import FloatArray
+from mixpinn.base.checksum import without_checksum
 from mixpinn.base.errors import InputError
-from mixpinn.base.files import read_json, write_json
+from mixpinn.base.files import read_json
+from mixpinn.base.validated import save_record
 
 JOINTS_FILE = "joints.json"
 """Name of the joint frames beside a mesh."""
+_REMAKE = "make the joint frames again from the mesh"
 
 Three = tuple[float, float, float]
 
@@ -80,20 +83,20 @@ class JointFrame:
 
 
 def save_joint_frames(frames: Sequence[JointFrame], path: Path | str) -> None:
-    """Write frames as JSON."""
-    write_json(path, {"unit": "mm", "joints": [asdict(frame) for frame in frames]})
+    """Write frames as JSON, with a checksum."""
+    save_record(path, {"unit": "mm", "joints": [asdict(frame) for frame in frames]})
 
 
 def load_joint_frames(path: Path | str) -> tuple[JointFrame, ...]:
-    """Read what `save_joint_frames` wrote.
+    """Read what `save_joint_frames` wrote; what is written by hand needs no checksum.
 
     Raises:
-        InputError: absent, not JSON, or not joint frames.
+        InputError: absent, altered, not JSON, or not joint frames.
     """
-    record = read_json(path)
+    record = without_checksum(read_json(path), str(path), remake=_REMAKE)
     entries = record.get("joints") if isinstance(record, dict) else None
     if not isinstance(entries, list):
-        raise InputError(str(path), expected="joint frames", got="other JSON", fix="make them again from the mesh")
+        raise InputError(str(path), expected="joint frames", got="other JSON", fix=_REMAKE)
     return tuple(joint_frame_from(entry, str(path)) for entry in entries)
 
 
@@ -110,5 +113,5 @@ def joint_frame_from(entry: Any, where: str) -> JointFrame:
     except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise InputError(
             where, expected="a joint's first, second, origin, axes and spacing", got=f"{error!r}",
-            fix="make the joint frames again from the mesh",
+            fix=_REMAKE,
         ) from error

@@ -8,10 +8,12 @@ import numpy as np
 from mixpinn.base.arrays import AnyArray, BoolArray, Float32Array, FloatArray, IntArray
 from mixpinn.base.errors import InputError
 from mixpinn.base.files import atomic_path, write_json
+from mixpinn.base.manifest import Artefact
 from mixpinn.base.validated import ArraySpec, load_arrays, load_record
 
 _ABOUT = "samples.json"
 _REMAKE = "delete the folder and give the command again"
+SAMPLE_TABLE = Artefact("sample table", 1, _REMAKE)
 _ARRAYS = {
     "position_index": ArraySpec("index", ("samples",), low=0), "rotation_deg": ArraySpec("number", ("samples",)),
     "depth": ArraySpec("number", ("samples",)), "probe_translation": ArraySpec("number", ("samples", 3)),
@@ -21,6 +23,8 @@ _ARRAYS = {
     "displacement": ArraySpec("number", ("samples", "nodes", 3)),
     "contact_error": ArraySpec("number", ("contacts", 3)),
 }
+FILES = (_ABOUT, *(f"{name}.npy" for name in _ARRAYS))
+"""Of a table's folder, as far as they are there."""
 
 
 @dataclass(frozen=True)
@@ -169,14 +173,16 @@ class SampleTable:
             write_json(temporary / _ABOUT, {
                 "mesh_hash": self.mesh_hash, "samples": len(self), "discretisation": self.discretisation,
             })
+            SAMPLE_TABLE.seal(temporary, sorted(path.name for path in temporary.iterdir()))
 
     @staticmethod
     def load(folder: Path | str) -> "SampleTable":
         """Read what `save` wrote; the displacement is memory-mapped.
 
         Raises:
-            InputError: absent or damaged.
+            InputError: absent, damaged or altered.
         """
+        SAMPLE_TABLE.check(folder)
         about = load_record(_About, Path(folder) / _ABOUT, remake=_REMAKE)
         arrays = load_arrays(
             folder, _ARRAYS, remake=_REMAKE, mapped=("displacement",), optional=("contact_error",),

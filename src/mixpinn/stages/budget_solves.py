@@ -9,6 +9,7 @@ from mixpinn.base.array_file import read_npz
 from mixpinn.base.arrays import FloatArray
 from mixpinn.base.errors import InputError
 from mixpinn.base.files import atomic_path
+from mixpinn.base.validated import ArraySpec
 from mixpinn.fem import Scene
 from mixpinn.fem.contact.surfaces import SkinSurface
 from mixpinn.fem.solve.pose import solve_pose
@@ -19,6 +20,10 @@ from mixpinn.records.answer import Answer
 from mixpinn.serving.motions import motion_matrices
 
 _REMAKE = "delete it: 'mixpinn assess' solves it again"
+_ARRAYS = {
+    "force": ArraySpec("number", (3,)), "translations": ArraySpec("number", ("K", 3)),
+    "field": ArraySpec("number", ("n", 3)), "converged": ArraySpec("flag", ()),
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +105,9 @@ class Found:
             InputError: a damaged file.
         """
         try:
-            kept = read_npz(path)
+            kept = read_npz(path, tuple(_ARRAYS))
+            for name, spec in _ARRAYS.items():
+                spec.check(kept[name], f"{path}: {name}", extents={}, remake=_REMAKE)
             return Found(
                 kept["force"], kept["translations"], kept["field"].astype(np.float64), bool(kept["converged"]),
             )

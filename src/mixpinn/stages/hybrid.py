@@ -1,11 +1,13 @@
 """The hybrid stage: simulations in, a predictor bundle with prior, correction and calibration out."""
 
+import contextlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
+from mixpinn.base.errors import InputError
 from mixpinn.base.files import hash_arrays
 from mixpinn.base.rundir import finish_run, is_finished, run_scope, start_run
 from mixpinn.dataset import SimulationStore, Split
@@ -18,7 +20,7 @@ from mixpinn.press.model import PoseModel
 from mixpinn.press.records import PoseContactConfig
 from mixpinn.records import MESH_FILE, Probe, SampleTable
 from mixpinn.reduced.fit import HybridConfig, fit_hybrid
-from mixpinn.reduced.hybrid import HYBRID_FILE, HybridModel
+from mixpinn.reduced.hybrid import BUNDLE, HYBRID_FILE, POSE_FILE, HybridModel
 from mixpinn.stages.prior import cached_prior
 from mixpinn.stages.samples import choose_samples
 
@@ -106,3 +108,11 @@ def save_bundle(model: HybridModel, out: Path, *, tolerance: float = 0.0) -> Non
     """Write all that `mixpinn.serving` needs: the mesh, the prior, the correction and its calibration."""
     model.mesh.save(out / MESH_FILE)
     model.save(out, tolerance=tolerance)
+
+
+def is_whole(bundle: Path) -> bool:
+    """Whether a sound bundle that takes poses lies there; one that was being written when all stopped is none."""
+    with contextlib.suppress(InputError):
+        BUNDLE.check(bundle)
+        return BUNDLE.lists(bundle, POSE_FILE)
+    return False

@@ -6,7 +6,7 @@ from mixpinn.base.errors import InputError
 from mixpinn.base.manifest import Artefact
 from mixpinn.dataset import store
 from mixpinn.networks import checkpoint
-from mixpinn.records import MESH_FILE
+from mixpinn.records import MESH_FILE, samples
 from mixpinn.records.label_map import label_map_files
 from mixpinn.reduced import hybrid, prior
 from mixpinn.stages.anatomy import LABELS_FILE
@@ -20,7 +20,7 @@ def seal_folder(folder: Path | str) -> list[tuple[Path, Artefact]]:
     """Write the manifests that are absent in `folder`, for files that its owner trusts; good and bad ones stay.
 
     Args:
-        folder: a label map, a mesh, simulations, a trained network, a bundle or a prior.
+        folder: a label map, a mesh, simulations, samples, a trained network, a bundle or a prior.
 
     Returns:
         The folders that got a manifest, and of what.
@@ -40,6 +40,7 @@ def seal_folder(folder: Path | str) -> list[tuple[Path, Artefact]]:
             (folder / hybrid.PRIOR_FOLDER, prior.PRIOR, prior.FILES),
             (folder, hybrid.BUNDLE, hybrid.FILES),
             (folder, MESH_RUN, (*MESH_RUN_FILES[1:], MESH_FILE)),
+            (folder, samples.SAMPLE_TABLE, samples.FILES),
         ) if (where / names[0]).is_file()
     ]
     if not found:

@@ -12,9 +12,10 @@ import numpy as np
 from mixpinn.base.arrays import IntArray
 from mixpinn.base.config import build_config
 from mixpinn.base.errors import InputError, MixpinnError
-from mixpinn.base.files import hash_arrays, write_json
+from mixpinn.base.files import hash_arrays
 from mixpinn.base.progress import console
 from mixpinn.base.rundir import finish_run, read_run, run_scope, start_run
+from mixpinn.base.validated import save_record
 from mixpinn.dataset import SimulationStore, Split
 from mixpinn.evaluation import ZeroModel
 from mixpinn.networks import MIXPINN
@@ -25,10 +26,10 @@ from mixpinn.stages.prior import cached_prior
 from mixpinn.stages.samples import load_samples
 from mixpinn.stages.simulation import STORE, make_simulations, settings_of
 from mixpinn.studies.ablation_config import AblationConfig
-from mixpinn.studies.ablation_jobs import SAMPLES, evaluate_once, evaluation_path, plan_jobs, test_set_names
+from mixpinn.studies.ablation_jobs import SAMPLES, SETS, evaluate_once, evaluation_path, plan_jobs, test_set_names
 from mixpinn.studies.ablation_pool import check_scheduling, is_done, run_jobs
 from mixpinn.studies.ablation_report import write_ablation_report
-from mixpinn.studies.ablation_sets import SETS, own_sets, probe_set, save_sets, seen_in_training
+from mixpinn.studies.ablation_sets import own_sets, probe_set, save_sets, seen_in_training
 
 BASELINES = ("No motion", "Elastic prior")
 """The two rows of every table that need no training."""
@@ -163,8 +164,8 @@ def _prepare(
             scheduler=scheduler,
         )
     split.save(out / "split.json")
+    save_record(out / SAMPLES / "counts.json", {"train": len(train), "validation": len(validation)})
     save_sets(out, mesh, sets, train=train, validation=validation)
-    write_json(out / SAMPLES / "counts.json", {"train": len(train), "validation": len(validation)})
     return train
 
 

@@ -2,11 +2,13 @@
 
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from mixpinn.base.errors import InputError
-from mixpinn.base.files import hash_file, read_json
+from mixpinn.base.files import hash_file
+from mixpinn.base.validated import load_record
 from mixpinn.dataset import Split
 from mixpinn.evaluation import evaluate
 from mixpinn.networks import MODELS, WEIGHTS_FILE, ModelConfig
@@ -17,6 +19,9 @@ from mixpinn.studies.ablation_config import AblationConfig
 from mixpinn.training import TrainingSettings
 
 SAMPLES, EVALUATIONS, MODELS_FOLDER = "samples", "evaluations", "rows"
+SETS = "sets.json"
+"""Names of the test sets, beside their samples; written last."""
+REMAKE = "begin the table in another folder"
 
 
 @dataclass(frozen=True)
@@ -121,7 +126,8 @@ def run_job(job: AblationJob, folder: Path, *, devices: int = 1) -> None:
 
 def test_set_names(folder: Path) -> list[str]:
     """Names of the test sets of a table, in its order."""
-    return [str(entry["name"]) for entry in read_json(folder / SAMPLES / "sets.json")]
+    kept = load_record(dict[str, list[dict[str, Any]]], folder / SAMPLES / SETS, remake=REMAKE)
+    return [str(entry["name"]) for entry in kept["sets"]]
 
 
 def evaluation_path(folder: Path, model: str, test_set: str) -> Path:

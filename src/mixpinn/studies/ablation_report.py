@@ -5,16 +5,24 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from mixpinn.base.files import read_json, write_json, write_text
+from mixpinn.base.files import write_json, write_text
 from mixpinn.base.progress import console
 from mixpinn.base.rundir import versions
+from mixpinn.base.validated import load_record
 from mixpinn.dataset import Split
 from mixpinn.evaluation import Table, save_figure
 from mixpinn.graph import part_diameters, rigid_reach
 from mixpinn.networks import MIXPINN, read_description
 from mixpinn.records import Evaluation, SampleTable, TissueMesh
 from mixpinn.studies.ablation_config import AblationConfig
-from mixpinn.studies.ablation_jobs import MODELS_FOLDER, SAMPLES, AblationJob, evaluation_path, test_set_names
+from mixpinn.studies.ablation_jobs import (
+    MODELS_FOLDER,
+    REMAKE,
+    SAMPLES,
+    AblationJob,
+    evaluation_path,
+    test_set_names,
+)
 from mixpinn.studies.ablation_plots import ablation_bars, data_need_curve, hold_out_bars
 from mixpinn.studies.ablation_sets import TestSet, load_sets
 from mixpinn.studies.ablation_tables import (
@@ -89,7 +97,7 @@ def write_ablation_report(
     """
     sets, runs = load_sets(folder), load_runs(folder, jobs)
     split = Split.load(folder / "split.json")
-    counts = read_json(folder / "samples" / "counts.json")
+    counts = load_record(dict[str, int], folder / SAMPLES / "counts.json", remake=REMAKE)
     diameters = part_diameters(mesh)
     reach = rigid_reach(mesh, SampleTable.load(folder / SAMPLES / "test"), config.layers)
     protocol = protocol_line(

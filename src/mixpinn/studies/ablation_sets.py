@@ -1,21 +1,19 @@
 """Test sets of the table: the standard test split, and the hold-outs that the paper does not have."""
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from mixpinn.base.arrays import BoolArray
-from mixpinn.base.files import write_json, write_text
-from mixpinn.base.validated import load_record
+from mixpinn.base.files import write_text
+from mixpinn.base.validated import load_record, save_record
 from mixpinn.dataset import Split, build_sample_table, with_contact_noise
 from mixpinn.geometry.probe_shapes import linear_probe
 from mixpinn.records import MESH_FILE, SampleTable, TissueMesh
 from mixpinn.stages.simulation import SimulationConfig, make_simulations
 from mixpinn.studies.ablation_config import AblationConfig, OtherProbe
-from mixpinn.studies.ablation_jobs import SAMPLES
-
-SETS = "sets.json"
+from mixpinn.studies.ablation_jobs import REMAKE, SAMPLES, SETS
 
 
 @dataclass(frozen=True)
@@ -35,6 +33,13 @@ class TestSet:
     positions: int
     poses: int
     samples: int
+
+
+@dataclass(frozen=True)
+class _Sets:
+    """What ``sets.json`` holds."""
+
+    sets: tuple[TestSet, ...]
 
 
 def seen_in_training(table: SampleTable, config: AblationConfig) -> BoolArray:
@@ -121,7 +126,7 @@ def save_sets(
         TestSet(name, text, len(np.unique(samples.position_index)), count_poses(samples), len(samples))
         for name, (text, samples) in sets.items()
     ]
-    write_json(folder / SAMPLES / SETS, [asdict(entry) for entry in described])
+    save_record(folder / SAMPLES / SETS, _Sets(tuple(described)))
 
 
 def load_sets(folder: Path) -> tuple[TestSet, ...]:
@@ -130,4 +135,4 @@ def load_sets(folder: Path) -> tuple[TestSet, ...]:
     Raises:
         InputError: absent or damaged.
     """
-    return load_record(tuple[TestSet, ...], folder / SAMPLES / SETS, remake="begin the table in another folder")
+    return load_record(_Sets, folder / SAMPLES / SETS, remake=REMAKE).sets

@@ -12,7 +12,7 @@ from mixpinn.base.errors import InputError
 from mixpinn.base.files import write_json, write_text
 from mixpinn.base.progress import console, track
 from mixpinn.base.rundir import finish_run, run_scope, start_run
-from mixpinn.base.validated import load_record
+from mixpinn.base.validated import load_record, save_record
 from mixpinn.dataset import ANATOMY, Protocol, probe_path, table_of
 from mixpinn.evaluation import save_figure
 from mixpinn.fem import PoseSimulator
@@ -110,7 +110,7 @@ def _kept(out: Path, mesh: str, method: str, measure: Callable[[], Timing]) -> T
     if path.exists():
         return load_record(Timing, path, remake=_REMAKE, finite=False)
     found = measure()
-    write_json(path, asdict(found))
+    save_record(path, found)
     return found
 
 
@@ -139,7 +139,7 @@ def _solver(name: str, mesh: TissueMesh, config: ProfileConfig, out: Path) -> tu
         seconds, samples.depth, mesh=(name, mesh), method="fem", device="cpu", threads=config.threads, peak_mb=None,
     )
     samples.save(folder)
-    write_json(path, asdict(found))
+    save_record(path, found)
     return found, samples
 
 
