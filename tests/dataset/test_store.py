@@ -64,7 +64,7 @@ def test_a_store_that_was_being_begun_is_begun_again(tmp_path, scene, absent):
 def test_a_record_that_is_no_record_is_one_line(tmp_path, scene):
     short_store(tmp_path, scene)
     (tmp_path / "store.json").write_text("[]")
-    with pytest.raises(InputError, match="a store with other .*mesh_hash"):
+    with pytest.raises(InputError, match=r"a store with other .*mesh_hash"):
         short_store(tmp_path, scene)
 
 
