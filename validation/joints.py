@@ -9,7 +9,8 @@ import numpy as np
 
 from mixpinn.base.arrays import FloatArray
 from mixpinn.fem import Joint, JointFrame, JointLaw, LinearBushing, NeutralZoneBushing, preset_joints
-from mixpinn.fem.rigid.joint_presets import FACTORS, IN_VITRO, NEWTON_METRE_PER_DEGREE
+from mixpinn.fem.rigid.joint_presets import FACTORS, IN_VITRO
+from mixpinn.fem.rigid.sourced_stiffness import NEWTON_METRE_PER_DEGREE
 from mixpinn.geometry.rotations import rotation_from_vector, skew, vector_from_rotation
 from mixpinn.physics.joint_system import JointSystem
 from validation.result import Result, Section, picture

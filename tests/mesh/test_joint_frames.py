@@ -6,6 +6,7 @@ import pytest
 from mixpinn.base.errors import InputError
 from mixpinn.geometry.rotations import rotation_from_vector
 from mixpinn.mesh import draw_joint_frames, joint_frames, load_paper_mesh
+from mixpinn.mesh.joint_frames import BoneSurface, neighbours
 from mixpinn.records import TissueMesh
 from validation.kuhn import grid_points, kuhn_cells
 
@@ -95,3 +96,28 @@ def test_the_papers_mesh(shared_data) -> None:
     assert all(30.0 < frame.spacing < 45.0 for frame in frames)
     assert (np.einsum("jii->ji", axes) > 0.95).all()
     assert (np.diff(axes[:, 2, 1]) > 0.0).all()
+
+
+def test_a_hip_is_joined_to_the_middle_of_the_sacrum_with_the_axes_of_its_end_plate() -> None:
+    mesh = spine(3, ("vertebrae_L5", "sacrum", "hip_left"))
+    assert neighbours(mesh) == (("sacrum", "vertebrae_L5"), ("hip_left", "sacrum"))
+    frame = joint_frames(mesh)[1]
+    sacrum = vertebra_middle(mesh, "sacrum")
+    np.testing.assert_allclose(frame.centre, sacrum, atol=1e-9)
+    np.testing.assert_allclose(frame.axes, np.eye(3), atol=1e-9)
+
+
+def test_a_rib_is_joined_to_the_vertebra_of_its_number_where_the_two_are_nearest() -> None:
+    mesh = spine(2, ("vertebrae_T12", "rib_left_12"))
+    assert neighbours(mesh) == (("vertebrae_T12", "rib_left_12"),)
+    (frame,) = joint_frames(mesh)
+    assert frame.origin[2] == pytest.approx(BODY + 0.5 * DISC)
+    np.testing.assert_allclose(frame.axes, np.eye(3))
+    assert neighbours(spine(2, ("vertebrae_T12", "rib_left_11"))) == ()
+    far = spine(3, ("vertebrae_T12", "femur_left", "rib_left_12"))
+    with pytest.raises(InputError, match="25 mm from its vertebra"):
+        joint_frames(far, between=[("vertebrae_T12", "rib_left_12")])
+
+
+def vertebra_middle(mesh: TissueMesh, name: str) -> np.ndarray:
+    return BoneSurface.of_part(mesh, mesh.rigid_names.index(name) + 1).middle

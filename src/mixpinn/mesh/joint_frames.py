@@ -1,11 +1,18 @@
-"""Joint frames from the anatomy: centre between neighbouring end plates, axes from the bodies' own shape."""
+"""Joint frames from the anatomy.
+
+Of vertebrae the centre lies between neighbouring end plates, and the axes come from the bodies' own shape. The joint
+of a hip and the sacrum has the axes of the sacrum's upper end plate and lies in the middle of it, as the figures
+of its preset were measured. That of a rib and its vertebra lies where the two are nearest, with the axes of the world.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from scipy.spatial import KDTree
 
+from mixpinn.anatomy.articulations import are_costovertebral, are_sacroiliac, articulating
 from mixpinn.anatomy.names import spine_rank
 from mixpinn.base.arrays import FloatArray
 from mixpinn.base.errors import InputError
@@ -19,6 +26,8 @@ _FRONT = 0.3
 _CANAL = 8.0
 """The canal is sought within so many millimetres of the vertebra's middle plane."""
 _SACRAL = 300
+_WIDEST = 25.0
+"""A rib whose nearest face is farther from its vertebra is not joined to it [mm]: its head is not among the maps."""
 _RIGHT, _BACK = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
 
 
@@ -92,30 +101,69 @@ class BoneSurface:
 
 
 def joint_frames(mesh: TissueMesh, *, between: Sequence[tuple[str, str]] | None = None) -> tuple[JointFrame, ...]:
-    """Frames of the joints between neighbouring vertebrae.
+    """Frames of the joints between bones.
 
-    The origin lies halfway between the centres of the two facing end plates. z is the mean of their normals, caudal;
-    y points from the end plates to the middle of both surfaces, which the processes draw to the back, orthogonal to z;
-    x = y × z to the right.
+    Of two vertebrae, the origin lies halfway between the centres of the two facing end plates. z is the mean of their
+    normals, caudal; y points from the end plates to the middle of both surfaces, which the processes draw to the back,
+    orthogonal to z; x = y × z to the right.
 
     Args:
         mesh: a mesh whose vertebrae are cavities, in the world frame.
-        between: pairs (caudal, cranial) of parts; by default all vertebrae that follow each other along the spine.
+        between: pairs of parts, of vertebrae (caudal, cranial); by default `neighbours`.
 
     Returns:
-        One frame a joint, from head to foot; the caudal part is the first.
+        One frame a joint, in the order of the pairs.
 
     Raises:
-        InputError: a part that the mesh does not have, or whose end plates are not found.
+        InputError: a part that the mesh does not have, whose end plates are not found, or a rib far from its vertebra.
     """
     between = neighbours(mesh) if between is None else between
-    return tuple(_frame(mesh, first, second) for first, second in between)
+    return tuple(_frame_of(mesh, first, second) for first, second in between)
 
 
 def neighbours(mesh: TissueMesh) -> tuple[tuple[str, str], ...]:
-    """Vertebrae that follow each other along the spine, caudal and cranial, from head to foot."""
+    """Bones that articulate.
+
+    Vertebrae that follow each other along the spine, caudal and cranial, from head to foot; then hips with the sacrum,
+    and vertebrae with their ribs.
+    """
     ranked = sorted((rank, name) for name in mesh.rigid_names if (rank := spine_rank(name)) is not None)
-    return tuple((lower, upper) for (_, upper), (_, lower) in pairwise(ranked))
+    return (*((lower, upper) for (_, upper), (_, lower) in pairwise(ranked)), *articulating(mesh.rigid_names))
+
+
+def _frame_of(mesh: TissueMesh, first: str, second: str) -> JointFrame:
+    if are_sacroiliac(first, second):
+        return _sacroiliac(mesh, first, second)
+    return _costovertebral(mesh, first, second) if are_costovertebral(first, second) else _frame(mesh, first, second)
+
+
+def _sacroiliac(mesh: TissueMesh, first: str, second: str) -> JointFrame:
+    _surface(mesh, first)
+    sacrum = _surface(mesh, second)
+    try:
+        # The end plate looks up and to the front; straight up first, then along what was found.
+        _, up = sacrum.end_plate(np.array([0.0, 0.0, -1.0]))
+        _, up = sacrum.end_plate(up)
+    except ValueError as error:
+        raise InputError(
+            f"joint of {second} and {first}", expected="the upper end plate of the sacrum", got=str(error),
+            fix="give the joint's frame yourself (JointFrame, joint_frames=FILE), or do without joints (--joints none)",
+        ) from error
+    back = _unit(_BACK - (_BACK @ up) * up)
+    axes = np.stack([np.cross(back, -up), back, -up])
+    return JointFrame.of_arrays(first, second, origin=sacrum.middle, axes=axes)
+
+
+def _costovertebral(mesh: TissueMesh, first: str, second: str) -> JointFrame:
+    bone, rib = (_surface(mesh, name).centres for name in (first, second))
+    apart, nearest = KDTree(bone).query(rib)
+    if apart.min() > _WIDEST:
+        raise InputError(
+            f"joint of {second} and {first}", expected=f"a rib no farther than {_WIDEST:g} mm from its vertebra",
+            got=f"{apart.min():.0f} mm", fix="give the joint's frame yourself (JointFrame, joint_frames=FILE)",
+        )
+    head = int(apart.argmin())
+    return JointFrame.of_arrays(first, second, origin=0.5 * (rib[head] + bone[nearest[head]]), axes=np.eye(3))
 
 
 def _frame(mesh: TissueMesh, first: str, second: str) -> JointFrame:

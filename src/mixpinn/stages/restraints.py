@@ -8,13 +8,14 @@ from typing import Literal
 import numpy as np
 
 from mixpinn.base.errors import InputError
+from mixpinn.base.progress import console
 from mixpinn.fem.rigid.joint_presets import JointPreset, preset_joints, with_figures
 from mixpinn.mesh.joint_frames import joint_frames, neighbours
 from mixpinn.physics.foundation import Face, Foundation, cap_nodes
 from mixpinn.physics.joint_system import Joint
 from mixpinn.physics.restraints import Restraints
 from mixpinn.records import TissueMesh
-from mixpinn.records.joint_frame import load_joint_frames
+from mixpinn.records.joint_frame import JointFrame, load_joint_frames
 
 JointChoice = Literal["auto", "none", "in-vitro", "in-vivo-prone"]
 
@@ -94,7 +95,9 @@ def supported(mesh: TissueMesh, config: SupportConfig) -> tuple[TissueMesh, tupl
 
 
 def joints_between(mesh: TissueMesh, choice: JointChoice, *, frames: str | None = None) -> tuple[Joint, ...]:
-    """Joints of a preset between the vertebrae of a mesh that follow each other.
+    """Joints of a preset between the bones of a mesh that articulate and that the preset has figures for.
+
+    A pair whose frame cannot be found from the anatomy is left out, with a warning that says why.
 
     Args:
         mesh: the mesh.
@@ -102,15 +105,31 @@ def joints_between(mesh: TissueMesh, choice: JointChoice, *, frames: str | None 
         frames: file of joint frames; by default they come from the anatomy of the mesh.
 
     Raises:
-        InputError: no frames can be found, or discs are labelled as a tissue.
+        InputError: not one frame can be found, or discs are labelled as a tissue.
     """
     if choice in ("auto", JointPreset.NONE):
         return ()
     if frames is not None:
         found = tuple(frame for frame in load_joint_frames(frames) if with_figures(frame.first, frame.second))
     else:
-        found = joint_frames(mesh, between=[pair for pair in neighbours(mesh) if with_figures(*pair)])
+        found = _frames_found(mesh)
     return preset_joints(found, choice)
+
+
+def _frames_found(mesh: TissueMesh) -> tuple[JointFrame, ...]:
+    found: list[JointFrame] = []
+    missed: list[InputError] = []
+    for pair in neighbours(mesh):
+        if with_figures(*pair):
+            try:
+                found += joint_frames(mesh, between=[pair])
+            except InputError as error:
+                missed.append(error)
+    if missed and not found:
+        raise missed[0]
+    for reason in missed:
+        console.print(f"[yellow]warning[/]: no joint there: {reason}", soft_wrap=True)
+    return tuple(found)
 
 
 def settled_joints(choice: JointChoice, soft_names: Sequence[str]) -> JointChoice:
@@ -174,6 +193,12 @@ def describe(mesh: TissueMesh, restraints: Restraints) -> dict[str, str]:
         lines.append("held bones: " + ", ".join(held))
     count = len(restraints.joints)
     names = ", ".join(joint.frame.name.replace("vertebrae_", "") for joint in restraints.joints)
+    tied = {(joint.frame.first, joint.frame.second) for joint in restraints.joints}
+    loose = ", ".join(
+        f"{second}-{first}".replace("vertebrae_", "") for first, second in neighbours(mesh)
+        if (first, second) not in tied and with_figures(first, second)
+    )
+    without = f"; none found for {loose}" if count and loose else ""
     sheet = restraints.membrane
     stretched = {} if sheet is None else {
         "Skin": f"a membrane under {1e3 * sheet.tension:.3g} N/m" + (
@@ -182,5 +207,5 @@ def describe(mesh: TissueMesh, restraints: Restraints) -> dict[str, str]:
     }
     return stretched | {
         "Supports": "; ".join(lines) or "nothing",
-        "Joints": f"{count}: {names}" if count else "none, rigid parts float in the tissue",
+        "Joints": f"{count}: {names}{without}" if count else "none, rigid parts float in the tissue",
     }

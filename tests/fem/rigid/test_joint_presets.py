@@ -6,6 +6,7 @@ import pytest
 from mixpinn.base.errors import InputError
 from mixpinn.fem import JointFrame, preset_joints
 from mixpinn.fem.rigid.joint_presets import IN_VITRO, PRELOAD_FACTOR, THORACIC, with_figures
+from mixpinn.fem.rigid.pelvis_and_ribs import COSTOVERTEBRAL, SACROILIAC
 from validation.joints import chain_bending_stiffness, lumbar_frames, measured_stiffness
 
 DEGREE = np.pi / 180.0
@@ -62,4 +63,20 @@ def test_lower_thoracic_segments_have_figures_of_their_own() -> None:
     assert (upper[3:] < lower[3:]).all()
     assert with_figures("sacrum", "vertebrae_L5")
     assert not with_figures("vertebrae_L5", "vertebrae_L3")
-    assert not with_figures("hip_left", "sacrum")
+    assert not with_figures("hip_left", "femur_left")
+
+
+@pytest.mark.parametrize("preset", ["in-vitro", "in-vivo-prone"])
+def test_pelvis_and_ribs_have_figures_within_their_sources(preset) -> None:
+    axes = np.eye(3).tolist()
+    frames = [JointFrame(first, second, (0, 0, 0), axes) for first, second in (
+        ("hip_left", "sacrum"), ("hip_right", "vertebrae_S1"), ("vertebrae_T11", "rib_right_11"),
+    )]
+    for joint, table in zip(preset_joints(frames, preset), (SACROILIAC, SACROILIAC, COSTOVERTEBRAL), strict=True):
+        found = measured_stiffness(joint)
+        for value, entry in zip(found, table, strict=True):
+            assert entry.low <= entry.value <= entry.high
+            assert value == pytest.approx(entry.value, rel=1e-3)
+            assert "abstract" in entry.source
+    for first, second in (("hip_left", "hip_right"), ("vertebrae_T11", "rib_left_12"), ("rib_left_11", "rib_left_12")):
+        assert not with_figures(first, second)

@@ -1,4 +1,4 @@
-"""Presets of the joints between lumbar vertebrae, each stiffness with its source and range.
+"""Presets of the joints of the spine, the pelvis and the ribs, each stiffness with its source and range.
 
 What was read and what was not: of Miller et al. 1986, Gardner-Morse & Stokes 2004, Lee et al. 2005 (both papers) and
 Nachemson et al. 1979 the abstracts were read, not the papers. The figures of the review PMC4844119 are quoted at second
@@ -7,18 +7,15 @@ standard deviation; a patient may lie outside of them.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from enum import StrEnum
 
-import numpy as np
-
+from mixpinn.anatomy.articulations import are_costovertebral, are_sacroiliac
 from mixpinn.base.errors import InputError
+from mixpinn.fem.rigid.pelvis_and_ribs import COSTOVERTEBRAL, SACROILIAC
+from mixpinn.fem.rigid.sourced_stiffness import SourcedStiffness, turning
 from mixpinn.physics.joint_system import Joint
 from mixpinn.physics.joints import LinearBushing
 from mixpinn.records.joint_frame import JointFrame
-
-NEWTON_METRE_PER_DEGREE = 1e3 * 180.0 / np.pi
-"""1 N m/° in N mm/rad."""
 
 MILLER = (
     "J. A. A. Miller, A. B. Schultz, D. N. Warwick, D. L. Spencer, Mechanical properties of lumbar spine motion "
@@ -37,7 +34,7 @@ LEE = (
 
 
 class JointPreset(StrEnum):
-    """Which joints tie the vertebrae.
+    """Which joints tie the bones.
 
     Attributes:
         NONE: none, the vertebrae float in the tissue: the paper's set-up, and the default.
@@ -50,43 +47,20 @@ class JointPreset(StrEnum):
     IN_VIVO_PRONE = "in-vivo-prone"
 
 
-@dataclass(frozen=True)
-class SourcedStiffness:
-    """One stiffness of a motion segment.
-
-    Attributes:
-        name: of the motion.
-        value: taken [N/mm or N mm/rad].
-        low, high: published interval in the same unit.
-        source: where it stands, and what was chosen.
-    """
-
-    name: str
-    value: float
-    low: float
-    high: float
-    source: str
-
-
-def _turn(name: str, value: float, low: float, high: float, source: str) -> SourcedStiffness:
-    value, low, high = (NEWTON_METRE_PER_DEGREE * number for number in (value, low, high))
-    return SourcedStiffness(name, value, low, high, source)
-
-
 IN_VITRO: tuple[SourcedStiffness, ...] = (
     SourcedStiffness("lateral shear", 97.0, 53.0, 140.0, f"{MILLER}: all directions of shear; the middle"),
     SourcedStiffness("anterior-posterior shear", 97.0, 53.0, 140.0, f"{MILLER}: all directions of shear; the middle"),
     SourcedStiffness("axial", 1400.0, 920.0, 1880.0, f"{REVIEW}: 1.4 ± 0.48 kN/mm"),
-    _turn(
+    turning(
         "flexion-extension", 4.0, 2.6, 5.5,
         f"{REVIEW}: flexion 1.8-5.5, extension 2.6-7.6 N m/°; a linear law has one value for both: the middle of where "
         "the intervals overlap",
     ),
-    _turn(
+    turning(
         "lateral bending", 6.5, 6.0, 11.0,
         f"{MILLER}: all moments, up to 95 N m; near its lower end, since smaller loads meet less",
     ),
-    _turn("torsion", 8.4, 7.3, 9.5, f"{REVIEW}: 8.4 ± 1.1 N m/°; within the 6-11 N m/° of {MILLER}"),
+    turning("torsion", 8.4, 7.3, 9.5, f"{REVIEW}: 8.4 ± 1.1 N m/°; within the 6-11 N m/° of {MILLER}"),
 )
 """Stiffness of one motion segment along and about the joint's axes: x right, y back, z caudal.
 
@@ -101,9 +75,9 @@ WILKE = (
 )
 THORACIC: tuple[SourcedStiffness, ...] = (
     *IN_VITRO[:3],
-    _turn("flexion-extension", 2.1, 1.9, 2.5, f"{WILKE}: 15 N m over a range of 6-8°"),
-    _turn("lateral bending", 1.8, 1.7, 1.9, f"{WILKE}: 15 N m over a range of 8-9°"),
-    _turn("torsion", 2.0, 1.9, 2.1, f"{WILKE}: 15 N m over a range of 7-8° (T10-T12)"),
+    turning("flexion-extension", 2.1, 1.9, 2.5, f"{WILKE}: 15 N m over a range of 6-8°"),
+    turning("lateral bending", 1.8, 1.7, 1.9, f"{WILKE}: 15 N m over a range of 8-9°"),
+    turning("torsion", 2.0, 1.9, 2.1, f"{WILKE}: 15 N m over a range of 7-8° (T10-T12)"),
 )
 """The same of the lower thoracic segments, T7-T8 to T11-T12, with the joints of their ribs: mean slopes of the whole
 range at ± 7.5 N m, which the lax middle makes smaller than slopes at its end. Shear and axial stiffness are those of
@@ -139,7 +113,7 @@ def preset_joints(frames: Sequence[JointFrame], preset: JointPreset | str) -> tu
     """Joints of a preset at the given frames.
 
     Args:
-        frames: of neighbouring vertebrae: `mixpinn.mesh.joint_frames`.
+        frames: of neighbouring bones: `mixpinn.mesh.joint_frames`.
         preset: or its name.
 
     Raises:
@@ -158,7 +132,14 @@ def preset_joints(frames: Sequence[JointFrame], preset: JointPreset | str) -> tu
 
 
 def with_figures(first: str, second: str) -> bool:
-    """Whether the presets have figures for a joint of these parts: two neighbours from T7 to the sacrum."""
+    """Whether the presets have figures for a joint of these parts.
+
+    Two neighbours from T7 to the sacrum, the sacrum and a hip, or a rib and the vertebra of its number.
+    """
+    return _are_spinal(first, second) or are_sacroiliac(first, second) or are_costovertebral(first, second)
+
+
+def _are_spinal(first: str, second: str) -> bool:
     levels = [_level(name) for name in (first, second)]
     return None not in levels and abs(_LEVELS.index(str(levels[0])) - _LEVELS.index(str(levels[1]))) == 1
 
@@ -166,9 +147,15 @@ def with_figures(first: str, second: str) -> bool:
 def _stiffness(frame: JointFrame, preset: JointPreset) -> list[float]:
     if not with_figures(frame.first, frame.second):
         raise InputError(
-            f"joint {frame.name}", expected="two neighbours from T7 to the sacrum, for which the preset has figures",
+            f"joint {frame.name}",
+            expected="two neighbours from T7 to the sacrum, sacrum and hip, or a rib and its vertebra, for which the "
+            "preset has figures",
             got="another pair", fix="leave this joint out, or give it a law of its own (Joint(frame, law))",
         )
+    if are_sacroiliac(frame.first, frame.second):
+        return [entry.value for entry in SACROILIAC]
+    if are_costovertebral(frame.first, frame.second):
+        return [entry.value for entry in COSTOVERTEBRAL]
     upper = min(_LEVELS.index(str(_level(name))) for name in (frame.first, frame.second))
     values = [entry.value for entry in (IN_VITRO if upper >= _FIRST_LUMBAR else THORACIC)]
     if preset is JointPreset.IN_VITRO:
