@@ -29,7 +29,7 @@ from mixpinn.serving.live.records import LiveAnswer
 
 VERSION = 1
 SUBPROTOCOL = "mixpinn.live.1"
-MAGIC, SURFACE_MAGIC = b"MXLV", b"MXSF"
+MAGIC, SURFACE_MAGIC, TISSUE_MAGIC = b"MXLV", b"MXSF", b"MXTS"
 
 
 class Kind(IntEnum):
@@ -251,6 +251,20 @@ def encode_surface(points: AnyArray, triangles: AnyArray, ids: AnyArray | None =
     return b"".join((
         head, np.asarray(points, "<f4").tobytes(), np.asarray(triangles, "<u4").tobytes(),
         np.asarray(numbers, "<u4").tobytes(),
+    ))
+
+
+def encode_tissue(points: AnyArray, cells: AnyArray, kinds: AnyArray) -> bytes:
+    """What the skin holds: magic, number of points n and of cells t, n × 3 float32, t × 4 uint32, then t uint8.
+
+    Args:
+        points: vertices of the mesh at rest [mm], shape (n, 3).
+        cells: tetrahedra that deform, shape (t, 4).
+        kinds: of each its tissue, shape (t,).
+    """
+    return b"".join((
+        struct.pack("<4sII", TISSUE_MAGIC, len(points), len(cells)), np.asarray(points, "<f4").tobytes(),
+        np.asarray(cells, "<u4").tobytes(), np.asarray(kinds, "u1").tobytes(),
     ))
 
 

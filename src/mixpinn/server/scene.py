@@ -11,7 +11,7 @@ import numpy as np
 from mixpinn.base.arrays import AnyArray, IntArray
 from mixpinn.records import TissueMesh
 from mixpinn.records.answer import discretisation_of
-from mixpinn.server.protocol import VERSION, encode_surface
+from mixpinn.server.protocol import VERSION, encode_surface, encode_tissue
 from mixpinn.serving.hybrid_predictor import HybridPredictor
 
 JSON_TYPE, BINARY_TYPE = "application/json", "application/octet-stream"
@@ -41,6 +41,8 @@ class SceneFiles:
         nodes = np.unique(mesh.skin_triangles).astype(np.int64)
         skin = np.searchsorted(nodes, mesh.skin_triangles)
         files["/api/skin.bin"] = BINARY_TYPE, encode_surface(mesh.node_points[nodes], skin, nodes)
+        tissue = mesh.deforming_cells
+        files["/api/tissue.bin"] = BINARY_TYPE, encode_tissue(mesh.points, mesh.cells[tissue], mesh.tissue[tissue])
         parts = []
         for k, name in enumerate(mesh.rigid_names):
             url = f"/api/parts/{k}.bin"
@@ -62,7 +64,8 @@ class SceneFiles:
                 "name": "probe", "url": "/api/probes/0.bin", "low": probe.points.min(axis=0).tolist(),
                 "high": probe.points.max(axis=0).tolist(),
             }],
-            "skin": {"url": "/api/skin.bin"}, "range": domain.as_dict(),
+            "skin": {"url": "/api/skin.bin"},
+            "tissue": {"url": "/api/tissue.bin", "names": list(mesh.tissue_names)}, "range": domain.as_dict(),
             "bound_level": model.error.level if model.error is not None else None,
             "warnings": list(bundle_warnings(predictor)), "world_to_scanner": mesh.world_to_scanner.tolist(),
         }

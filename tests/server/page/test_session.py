@@ -43,6 +43,42 @@ def test_skin_and_cut_show_what_lies_inside(screen) -> None:
     assert hit is None or hit["point"][1] <= 20.0 + 1e-3  # what is cut away is not met
 
 
+def test_a_cut_shows_the_tissue_inside_as_it_stands(screen, predictor) -> None:
+    screen.tick("friction", False)
+    screen.set_slider("depth", 5)
+    screen.page.locator("#cut").select_option("sagittal")
+    screen.wait("m.stage.answer.inner && m.stage.section?.count")
+    screen.settle()
+    tips, rotations = screen.poses()
+    mesh, field = predictor.mesh, predictor.press(tips, rotation=rotations).displacement[: predictor.mesh.n_points]
+    cells = mesh.cells[mesh.deforming_cells]
+    body = pv.UnstructuredGrid({pv.CellType.TETRA: cells}, mesh.points + field)
+    body["moved"] = np.linalg.norm(field, axis=1)
+    at = screen.value("m.stage.cut.at")
+    expected = body.slice(normal="x", origin=(at, 0.0, 0.0)).cell_data_to_point_data().point_data_to_cell_data()
+    expected = expected.compute_cell_sizes(length=False, volume=False)
+    size = screen.value("m.stage.section.count")
+    corners = np.array(screen.value(f"Array.from(m.stage.section.positions.slice(0, {3 * size}))")).reshape(-1, 3, 3)
+    assert_allclose(corners[..., 0], at, atol=1e-4)
+    areas = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    assert_allclose(areas.sum(), expected["Area"].sum(), rtol=1e-3)
+    values = np.array(screen.value(f"Array.from(m.stage.section.values.slice(0, {size}))")).reshape(-1, 3).mean(axis=1)
+    assert_allclose(areas @ values, expected["Area"] @ expected["moved"], rtol=1e-2)
+    assert values.max() > 0.5
+    # Where there is tissue in the plane, nothing else is seen.
+    screen.page.locator("#colour").select_option("none")
+    for button in ("side", "home"):
+        screen.page.locator(f"#{button}").click()
+    screen.page.locator("#side").click()
+    picture, box = screen.screenshot(), screen.page.locator("#canvas").bounding_box()
+    x, y = screen.pixel(corners[areas.argmax()].mean(axis=0))
+    red, green, blue = picture[round(y - box["y"]), round(x - box["x"])]
+    assert red > green > blue  # flesh
+    screen.page.locator("#cut").select_option("none")
+    screen.set_slider("depth", 2)
+    assert screen.value("m.stage.answer.inner") is None  # what is not seen is not sent
+
+
 def test_record_replay_and_save(screen, predictor) -> None:
     screen.tick("friction", False)
     screen.page.locator("#record").click()

@@ -47,12 +47,8 @@ export class Comparison {
     if (answer.kind !== FULL) return false;
     const mine = this.stage.answer;
     if (!mine || answer.poseId !== mine.poseId) return true;
-    const n = mine.displacement.length / 3, difference = new Float32Array(n);
-    for (let i = 0; i < n; i++) {
-      const k = 3 * i, a = answer.displacement, b = mine.displacement;
-      difference[i] = Math.hypot(a[k] - b[k], a[k + 1] - b[k + 1], a[k + 2] - b[k + 2]);
-    }
-    this.stage.setDifference(difference);
+    const inner = answer.inner && mine.inner ? distances(answer.inner.displacement, mine.inner.displacement) : null;
+    this.stage.setDifference(distances(answer.displacement, mine.displacement), inner);
     this.before = this.stage.colour;
     this.#offer(true);
     this.colourBy("difference");
@@ -89,4 +85,12 @@ export class Comparison {
   #offer(possible) {
     at("colour").querySelector("[value=difference]").disabled = !possible;
   }
+}
+
+/** Between places, three numbers each. */
+function distances(a, b) {
+  return Float32Array.from({ length: a.length / 3 }, (_, i) => {
+    const k = 3 * i;
+    return Math.hypot(a[k] - b[k], a[k + 1] - b[k + 1], a[k + 2] - b[k + 2]);
+  });
 }

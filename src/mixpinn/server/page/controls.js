@@ -73,7 +73,7 @@ export function bindView(stage) {
     cut.share = Number(at("cut-at").value) / 100;
     at("cut-at").disabled = cut.kind === "none";
     at("cut-value").textContent = cut.kind === "none" ? "" : `${Math.round(cut.at) || 0} mm`;
-    stage.ask();
+    stage.slice();
   };
   at("cut").addEventListener("change", showCut);
   at("cut-at").addEventListener("input", showCut);

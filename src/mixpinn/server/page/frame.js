@@ -2,6 +2,7 @@
 
 const HEAD = 96, PROBE = 112, PART = 72;
 export const LIVE = 1, REPLAY = 2, FULL = 3;
+const ALL_NODES = 1;
 
 /**
  * @typedef {object} Answer
@@ -13,7 +14,8 @@ export const LIVE = 1, REPLAY = 2, FULL = 3;
  *   rotations row by row, tips [mm], forces of the tissue on each [N]
  * @property {{placement: Float32Array, distance: number, angle: number}[]} parts 4 × 4 by columns, [mm], [degree]
  * @property {Float32Array} displacement of the skin [mm], three numbers a vertex
- * @property {Float32Array | null} errors expected error of each vertex [mm]
+ * @property {Float32Array | null} errors expected error of each of its vertices [mm]
+ * @property {{displacement: Float32Array, errors: Float32Array | null} | null} inner the same of all nodes of the body
  *
  * @typedef {object} Trust
  * @property {number | null} expected [mm]
@@ -28,9 +30,10 @@ export const LIVE = 1, REPLAY = 2, FULL = 3;
 
 /**
  * @param {ArrayBuffer} data
+ * @param {Uint32Array} skin node of each vertex of the skin
  * @returns {Answer}
  */
-export function readFrame(data) {
+export function readFrame(data, skin) {
   const view = new DataView(data);
   if (view.byteLength < HEAD || view.getUint32(0, false) !== 0x4d584c56 || view.getUint8(4) !== 1) { // "MXLV"
     throw new Error("The server sent something that is no answer of this protocol.");
@@ -71,7 +74,16 @@ export function readFrame(data) {
     displacement = new Float32Array(data, at, 3 * n);
     at += 12 * n;
   }
-  const errors = flags & 16 ? Float32Array.from(new Uint16Array(data, at, n), (value) => value * float(88)) : null;
+  const unit = float(88);
+  let errors = flags & 16 ? Float32Array.from(new Uint16Array(data, at, n), (value) => value * unit) : null, inner = null;
+  if (view.getUint8(7) === ALL_NODES) {
+    inner = { displacement, errors };
+    displacement = new Float32Array(3 * skin.length);
+    for (let i = 0; i < skin.length; i++) {
+      for (let r = 0; r < 3; r++) displacement[3 * i + r] = inner.displacement[3 * skin[i] + r];
+    }
+    errors &&= Float32Array.from(skin, (node) => inner.errors[node]);
+  }
 
   return {
     kind: view.getUint8(5), poseId: uint(8), sequence: uint(12), time: view.getFloat64(40, true), solveMs: float(48),
@@ -79,6 +91,6 @@ export function readFrame(data) {
       expected: known(56), bound: known(60), level: known(64), forceBound: known(72), motionBound: known(80),
       outside: Boolean(flags & 2), converged: Boolean(flags & 1), notes,
     },
-    probes, parts, displacement, errors,
+    probes, parts, displacement, errors, inner,
   };
 }

@@ -15,8 +15,11 @@ const PATIENCE = 1000; // milliseconds until a pose goes out although the last o
  * message of the server (detail: the message).
  */
 export class Link extends EventTarget {
-  constructor() {
+  /** @param {Uint32Array} skin node of each vertex of the skin */
+  constructor(skin) {
     super();
+    this.skin = skin;
+    this.vertices = "skin";
     this.socket = null;
     this.attempts = 0;
     this.friction = "remembered";
@@ -35,12 +38,12 @@ export class Link extends EventTarget {
     socket.binaryType = "arraybuffer";
     this.socket = socket;
     socket.addEventListener("open", () => this.send({
-      type: "hello", version: 1, vertices: "skin", encoding: "int16", errors: true, friction: this.friction,
+      type: "hello", version: 1, vertices: this.vertices, encoding: "int16", errors: true, friction: this.friction,
     }));
     socket.addEventListener("message", ({ data }) => {
       this.asked = 0;
       if (typeof data !== "string") {
-        this.#tell("answer", readFrame(data));
+        this.#tell("answer", readFrame(data, this.skin));
         return;
       }
       const message = JSON.parse(data);
@@ -94,6 +97,13 @@ export class Link extends EventTarget {
   chooseFriction(friction) {
     this.friction = friction;
     this.send({ type: "set", friction });
+  }
+
+  /** Of what answers tell: `skin` or all `nodes` of the body. */
+  chooseVertices(vertices) {
+    if (vertices === this.vertices) return;
+    this.vertices = vertices;
+    this.send({ type: "set", vertices });
   }
 
   #landed() {

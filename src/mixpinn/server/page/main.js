@@ -23,12 +23,16 @@ function start(scene) {
   at("bundle").textContent = scene.name;
   at("bundle-notes").textContent = scene.warnings.map((text) => `The bundle: ${text}.`).join(" ");
   document.title = `${scene.name} – MIXPINN`;
-  const stage = new Stage(at("canvas"), scene), link = new Link(), calm = new Calm();
+  const stage = new Stage(at("canvas"), scene), link = new Link(scene.skin.nodes), calm = new Calm();
   const probes = new Probes(stage), results = new Results(scene, probes, calm);
   new Handles(stage, probes);
   labelEdges(stage);
   bindProbe(stage, probes, link, calm);
   const colourBy = bindView(stage);
+  stage.addEventListener("inside", ({ detail: seen }) => {
+    link.chooseVertices(seen ? "nodes" : "skin");
+    if (seen) probes.repeat();
+  });
   const session = new Session(link, stage);
   const comparison = new Comparison(link, stage, probes, colourBy);
   listenToPointer(stage, probes);

@@ -17,6 +17,8 @@ const UNIFORMS = [
  * @property {number} [opacity]
  * @property {number} [range] value at the upper end of the colours; 0 for one colour
  * @property {number[]} [cut] plane (n, d): points with n · x + d > 0 are left out
+ * @property {{first: number, count: number}[]} [runs] which of the mesh's vertices; without it all of them
+ * @property {boolean} [both] whether it is seen from both sides alike
  */
 
 export class Renderer {
@@ -34,6 +36,11 @@ export class Renderer {
     gl.enable(gl.DEPTH_TEST);
     gl.blendFunc(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA);
     gl.cullFace(gl.BACK);
+  }
+
+  /** @returns {Cloth} the buffers of a section, whose triangles are others after each cut */
+  cloth(section) {
+    return new Cloth(this.gl, section);
   }
 
   /** @returns {Mesh} the buffers of a surface */
@@ -78,26 +85,30 @@ export class Renderer {
     gl.bindVertexArray(null);
   }
 
-  #paint({ mesh, cut, ...item }, shared) {
+  #paint({ mesh, cut, runs, both, ...item }, shared) {
     const { gl } = this, hasCut = Boolean(cut), isClear = item.opacity < 1;
     const values = {
       inside: item.colour, opacity: 1, range: 0, ...shared, ...item, model: item.model ?? UNMOVED, cut,
     };
     gl.bindVertexArray(mesh.array);
+    const paint = () => {
+      if (!runs) gl.drawElements(gl.TRIANGLES, mesh.count, gl.UNSIGNED_INT, 0);
+      else for (const { first, count } of runs) gl.drawArrays(gl.TRIANGLES, first, count);
+    };
     // Backs are seen through a cut only.
-    if (hasCut) gl.disable(gl.CULL_FACE);
+    if (hasCut || both) gl.disable(gl.CULL_FACE);
     else gl.enable(gl.CULL_FACE);
     if (isClear) {
       // Depth first, so that of all layers the nearest one is painted, once, over what is opaque.
       this.#use({ paint: false, cut: hasCut }, values);
       gl.colorMask(false, false, false, false);
-      gl.drawElements(gl.TRIANGLES, mesh.count, gl.UNSIGNED_INT, 0);
+      paint();
       gl.colorMask(true, true, true, true);
       gl.depthFunc(gl.EQUAL);
       gl.enable(gl.BLEND);
     }
     this.#use({ paint: true, cut: hasCut }, values);
-    gl.drawElements(gl.TRIANGLES, mesh.count, gl.UNSIGNED_INT, 0);
+    paint();
     gl.disable(gl.BLEND);
     gl.depthFunc(gl.LESS);
   }
@@ -167,6 +178,33 @@ export class Mesh {
   #write(place, data) {
     this.gl.bindBuffer(this.gl.ARRAY_BUFFER, this.buffers[place]);
     this.gl.bufferSubData(this.gl.ARRAY_BUFFER, 0, data);
+  }
+}
+
+/** Loose triangles, three vertices each, as many as there are just now. */
+export class Cloth {
+  constructor(gl, section) {
+    this.gl = gl;
+    this.section = section;
+    this.array = gl.createVertexArray();
+    gl.bindVertexArray(this.array);
+    this.buffers = [3, 3, 1].map((size, place) => {
+      const buffer = gl.createBuffer();
+      gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
+      gl.enableVertexAttribArray(place);
+      gl.vertexAttribPointer(place, size, gl.FLOAT, false, 0, 0);
+      return buffer;
+    });
+    gl.bindVertexArray(null);
+  }
+
+  /** What the section holds now. */
+  refresh() {
+    const { gl, section: { positions, normals, values, count } } = this;
+    [[positions, 3], [normals, 3], [values, 1]].forEach(([data, size], place) => {
+      gl.bindBuffer(gl.ARRAY_BUFFER, this.buffers[place]);
+      gl.bufferData(gl.ARRAY_BUFFER, data.subarray(0, size * count), gl.DYNAMIC_DRAW);
+    });
   }
 }
 

@@ -4,13 +4,19 @@
  * @typedef {object} Scene
  * @property {string} name
  * @property {{low: number[], high: number[]}} bounds of the skin [mm]
- * @property {Geometry} skin
+ * @property {Geometry & {nodes: Uint32Array}} skin with the node of the body that each vertex is
  * @property {(Geometry & {name: string, label: string, colour: string})[]} parts
  * @property {Geometry} probe in its own frame, tip at the origin, pointing to −y
  * @property {number[]} direction along which the bundle learned to press, of length 1
  * @property {number} deepest depth that it learned from [mm]
+ * @property {() => Promise<Tissue>} tissue reads what lies inside, when it is to be seen
  *
  * @typedef {{points: Float32Array, triangles: Uint32Array}} Geometry
+ *
+ * @typedef {object} Tissue what the skin holds, without what is rigid
+ * @property {Float32Array} points of all nodes of the body at rest [mm]
+ * @property {Uint32Array} cells tetrahedra, four node ids each
+ * @property {Uint8Array} kinds of each tetrahedron its tissue
  */
 
 /**
@@ -27,6 +33,7 @@ export async function loadScene() {
   return {
     name: about.name, discretisation: about.discretisation, warnings: about.warnings ?? [], direction, deepest,
     bounds: { low: about.low, high: about.high }, skin, probe,
+    tissue: () => loadTissue(about.tissue.url),
     parts: parts.map((part, k) => ({ ...part, ...about.parts[k] })),
   };
 }
@@ -48,5 +55,18 @@ async function surface(path) {
   const data = await get(path), head = new DataView(data);
   if (head.getUint32(0, false) !== 0x4d585346) throw new Error(`${path} is no surface of this protocol.`); // "MXSF"
   const v = head.getUint32(4, true), t = head.getUint32(8, true);
-  return { points: new Float32Array(data, 12, 3 * v), triangles: new Uint32Array(data, 12 + 12 * v, 3 * t) };
+  return {
+    points: new Float32Array(data, 12, 3 * v), triangles: new Uint32Array(data, 12 + 12 * v, 3 * t),
+    nodes: new Uint32Array(data, 12 + 12 * v + 12 * t, v),
+  };
+}
+
+async function loadTissue(path) {
+  const data = await get(path), head = new DataView(data);
+  if (head.getUint32(0, false) !== 0x4d585453) throw new Error(`${path} is no tissue of this protocol.`); // "MXTS"
+  const n = head.getUint32(4, true), t = head.getUint32(8, true);
+  return {
+    points: new Float32Array(data, 12, 3 * n), cells: new Uint32Array(data, 12 + 12 * n, 4 * t),
+    kinds: new Uint8Array(data, 12 + 12 * n + 16 * t, t),
+  };
 }

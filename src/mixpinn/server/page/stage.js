@@ -7,11 +7,14 @@ import { placement } from "./linear.js";
 import { meet } from "./picking.js";
 import { Pace } from "./pace.js";
 import { Renderer } from "./renderer.js";
+import { Section } from "./section.js";
 import { Surface } from "./surface.js";
 
 const PROBES = [rgb("#8e99a4"), rgb("#7d93a8")];
 const INSIDE = rgb("#b98a78");
+const TISSUES = ["#c98f7a", "#e3c27a", "#b5605c", "#d9a78f", "#8f6f86"].map(rgb);
 
+/** Dispatches `drawn` after each picture, and `inside` (detail: whether) when what lies inside is to be seen or not. */
 export class Stage extends EventTarget {
   /**
    * @param {HTMLCanvasElement} canvas
@@ -31,12 +34,13 @@ export class Stage extends EventTarget {
     this.probeMesh = this.renderer.mesh(this.probeSurface);
     this.camera = new Camera(scene.bounds);
     this.cut = new Cut(scene.bounds);
+    this.section = null; // the tissue that a cut shows, once there has been one
     this.opacity = 0.5;
     this.colour = "displacement";
     this.values = new Float32Array(scene.skin.points.length / 3);
     this.range = 1; // upper end of the legend [mm]
     this.answer = null;
-    this.difference = null;
+    this.difference = this.innerDifference = null;
     this.ground = [1, 1, 1];
     this.pace = new Pace((scale) => this.#paint(scale));
     this.renderer.setPalette(palette(this.colour));
@@ -56,6 +60,18 @@ export class Stage extends EventTarget {
     this.ask();
   }
 
+  /** The cut was moved: what lies inside is read when it is first seen. */
+  async slice() {
+    const seen = this.cut.kind !== "none";
+    this.ask();
+    if (seen && !this.section) {
+      this.section = new Section(await this.scene.tissue());
+      this.cloth = this.renderer.cloth(this.section);
+    }
+    this.dispatchEvent(new CustomEvent("inside", { detail: this.cut.kind !== "none" }));
+    this.ask();
+  }
+
   /** Colour by `displacement`, `error`, `difference` or `none`. */
   colourBy(name) {
     this.colour = name;
@@ -65,9 +81,10 @@ export class Stage extends EventTarget {
     this.ask();
   }
 
-  /** Distances of the skin from another solution [mm], to be coloured by while the answer stays. */
-  setDifference(values) {
+  /** Distances of the skin, and of all nodes, from another solution [mm], to be coloured by while the answer stays. */
+  setDifference(values, inner = null) {
     this.difference = values;
+    this.innerDifference = inner;
     this.#recolour();
     this.ask();
   }
@@ -144,6 +161,22 @@ export class Stage extends EventTarget {
     if (end > this.range || most < 0.3 * this.range) this.range = end;
   }
 
+  /** The tissue in the plane, one item a colour; nothing where the answer does not tell of it. */
+  #inside() {
+    const plane = this.cut.plane(this.camera.eye), inner = this.answer?.inner, { section } = this;
+    if (!plane || !inner || !section) return [];
+    section.cut(inner.displacement, plane);
+    const { displacement: u } = inner, n = section.beyond.length;
+    const values = {
+      displacement: () => Float32Array.from({ length: n }, (_, i) => Math.hypot(u[3 * i], u[3 * i + 1], u[3 * i + 2])),
+      error: () => inner.errors, difference: () => this.innerDifference,
+    }[this.colour]?.();
+    if (values) section.spread(values);
+    this.cloth.refresh();
+    const shared = { mesh: this.cloth, both: true, range: values ? this.range : 0 };
+    return section.runs.map((run) => ({ ...shared, runs: [run], colour: TISSUES[run.kind % TISSUES.length] }));
+  }
+
   #fit() {
     const { clientWidth, clientHeight } = this.canvas;
     if (!clientWidth || !clientHeight) return;
@@ -158,6 +191,7 @@ export class Stage extends EventTarget {
     for (const { index, rotation, tip } of this.answer?.probes ?? []) {
       items.push({ mesh: this.probeMesh, colour: PROBES[index % 2], model: placement(rotation, tip) });
     }
+    items.push(...this.#inside());
     if (this.opacity > 0) {
       items.push({
         mesh: this.skinMesh, colour: SKIN, inside: INSIDE, opacity: this.opacity,
