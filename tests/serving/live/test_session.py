@@ -51,8 +51,8 @@ def test_friction_remembers_nothing_of_an_answer_that_did_not_converge(pressing,
         ask = session._ask
 
         def unsolved(probes, history):
-            answer = ask(probes, history)
-            return replace(answer, trust=replace(answer.trust, converged=False))
+            answer, remembered = ask(probes, history)
+            return replace(answer, trust=replace(answer.trust, converged=False)), remembered
 
         with monkeypatch.context() as hard:
             hard.setattr(session, "_ask", unsolved)
@@ -60,6 +60,17 @@ def test_friction_remembers_nothing_of_an_answer_that_did_not_converge(pressing,
         found = session.press(second)
     assert not found.remembered
     assert_array_equal(found.answer.force[0], pressing.press(second.translation).force)
+
+
+def test_a_drag_that_cannot_be_followed_is_given_up_for_the_straight_way(pressing, monkeypatch) -> None:
+    with LiveSession(pressing) as session:
+        session.press(above(x=14.0, depth=4.0))
+        contact = session._hurried.pose.contact
+        monkeypatch.setattr(contact, "config", replace(contact.config, max_iterations=1))
+        found = session.press(above(x=18.0, depth=4.0))
+    assert not found.remembered
+    assert found.answer.trust.converged
+    assert_array_equal(found.answer.force[0], pressing.press(above(x=18.0, depth=4.0).translation).force)
 
 
 def test_matrices_move_the_parts_as_the_field_does(pressing) -> None:

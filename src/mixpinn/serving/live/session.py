@@ -1,5 +1,6 @@
 """LiveSession: a body under probes that move; the newest poses are answered, older ones are passed over."""
 
+import contextlib
 import logging
 import threading
 import time
@@ -13,6 +14,7 @@ import numpy as np
 from mixpinn.base.arrays import AnyArray
 from mixpinn.base.errors import InputError
 from mixpinn.geometry.probe_pose import ProbePose
+from mixpinn.press.hurried import HurriedContact, LostTrackError
 from mixpinn.press.model import PoseModel
 from mixpinn.press.records import check_poses
 from mixpinn.records.answer import Answer, Contact, Motion, Source, Trust, discretisation_of
@@ -80,7 +82,7 @@ class LiveSession:
         self.predictor = checked_predictor(predictor)
         self._model = self.predictor.pressing
         self._hurried = copy(self.predictor)
-        self._hurried.pose = replace(self._model, contact=self._model.contact.hurried())
+        self._hurried.pose = replace(self._model, contact=HurriedContact.of(self._model.contact))
         self.skin, self.friction = SkinPlacement(self._model), Friction(friction)
         self._worker, self._owns_worker = worker or PressWorker(), worker is None
         self._changed = threading.Condition()
@@ -261,11 +263,7 @@ class LiveSession:
             self._history = None
             answer, remembered = untouched(self._model, self.predictor.name), False
         else:
-            history = self._usable_history(probes)
-            answer = self._ask(probes, history)
-            remembered = history is not None
-            if remembered and not _converged(answer):
-                answer, remembered = self._ask(probes, None), False
+            answer, remembered = self._ask(probes, self._usable_history(probes))
             # Where contact did not converge nobody knows where the skin was gripped: the next answer comes straight.
             self._history = (probes, answer.history) if _converged(answer) else None
         depths = self._depths(probes)
@@ -274,13 +272,19 @@ class LiveSession:
         done = time.perf_counter()
         return LiveAnswer(sequence, placed, answer, matrices, done - self._began, done - began, remembered)
 
-    def _ask(self, probes: tuple[LiveProbe, ...], history: object | None) -> Answer:
-        # A drag that cannot be followed is given up soon, for the straight way down; that one is as patient as ever.
-        predictor = self.predictor if history is None else self._hurried
-        return predictor.press(
-            np.array([probe.pose.translation for probe in probes]),
-            rotation=np.array([probe.pose.rotation for probe in probes]), history=history,
-        )
+    def _ask(self, probes: tuple[LiveProbe, ...], history: object | None) -> tuple[Answer, bool]:
+        """The answer, and whether friction remembered the way.
+
+        A drag that cannot be followed is given up soon, for the straight way down; that one is as patient as ever.
+        """
+        tips = np.array([probe.pose.translation for probe in probes])
+        rotations = np.array([probe.pose.rotation for probe in probes])
+        if history is not None:
+            with contextlib.suppress(LostTrackError):
+                answer = self._hurried.press(tips, rotation=rotations, history=history)
+                if _converged(answer):
+                    return answer, True
+        return self.predictor.press(tips, rotation=rotations), False
 
     def _usable_history(self, probes: tuple[LiveProbe, ...]) -> object | None:
         """What friction remembers, unless other probes press now or one jumped."""

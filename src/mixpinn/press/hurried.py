@@ -1,0 +1,56 @@
+"""HurriedContact: contact for live use, that says soon where a drag cannot be followed, instead of trying on."""
+
+from typing import Self
+
+from mixpinn.base.arrays import FloatArray, IntArray
+from mixpinn.press.contact import PriorContact
+from mixpinn.press.records import ContactHistory, PlacedFields
+from mixpinn.press.session import ContactSession
+
+_CUTS = 1
+"""A step may be halved so often."""
+_ENOUGH = 80
+"""Iterations after which a drag is given up: the straight way down takes about as much time as these."""
+
+
+class LostTrackError(Exception):
+    """A drag cannot be followed in time."""
+
+
+class HurriedContact(PriorContact):
+    """The same contact as another one, with less patience.
+
+    The straight way down from first touch takes some 15 ms; a drag whose steps converge badly can take twenty times as
+    long. A step that does not converge in halves either, or one too many iterations, ends it.
+    """
+
+    @classmethod
+    def of(cls, contact: PriorContact) -> Self:
+        """Of another contact, with which it shares everything."""
+        hurried = cls.__new__(cls)
+        hurried.__dict__.update(contact.__dict__)
+        hurried.cuts = _CUTS
+        return hurried
+
+    def _session(
+        self, placed: PlacedFields, faces: IntArray, depths: FloatArray, history: ContactHistory | None,
+    ) -> ContactSession:
+        """As another contact's; its steps raise `LostTrackError`."""
+        return _HurriedSession(**vars(super()._session(placed, faces, depths, history)))
+
+
+class _HurriedSession(ContactSession):
+    """A session that is given up soon."""
+
+    def _divided(self, path: tuple[FloatArray, FloatArray], shifts: FloatArray, cuts: int) -> ContactSession:
+        if not cuts:
+            raise LostTrackError
+        return super()._divided(path, shifts, cuts)
+
+    def _steps(
+        self, path: tuple[FloatArray, FloatArray], shifts: FloatArray, friction: float,
+    ) -> tuple[ContactSession, int]:
+        session, done = super()._steps(path, shifts, friction)
+        if session.iterations > _ENOUGH:
+            raise LostTrackError
+        return session, done
