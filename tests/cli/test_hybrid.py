@@ -98,6 +98,19 @@ def test_onboarding_leaves_a_report(onboarded):
     assert (run / "evaluation" / "report.html").is_file()
 
 
+def test_onboarding_tells_the_error_against_the_converged_solution(onboarded, tmp_path):
+    run, _ = onboarded
+    predictor = HybridPredictor.load(run / "bundle", warm_up=False)
+    assert predictor.budget is not None
+    assert predictor.budget.complete
+    assert {entry.source for entry in predictor.budget.entries} >= {"predictor", "contact penalty", "discretisation"}
+    for page in (run / "onboarding.md", run / "evaluation" / "report.html", run / "evaluation" / "results.md"):
+        assert predictor.budget.sentence[:60] in page.read_text()
+    tip = ",".join(str(value) for value in predictor.budget.tips[0])
+    said = done("predict", run / "bundle", f"--tip={tip}", "--out", tmp_path / "deformed.vtu").out
+    assert "Against the converged solution: the force may be off by about" in said
+
+
 def test_onboarding_stopped_in_its_last_test_goes_on(onboarded, tmp_path):
     run, _ = onboarded
     shutil.copytree(run, tmp_path / "run")

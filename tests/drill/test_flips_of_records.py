@@ -13,13 +13,13 @@ from mixpinn.dataset.inverted_cells import InvertedCell, _Kept, _known
 from mixpinn.dataset.summary import SUMMARY, GenerationSummary
 from mixpinn.press.files import save_pose_model
 from mixpinn.records import Evaluation, SampleTable
-from mixpinn.records.error_budget import ErrorBudget
+from mixpinn.records.error_budget import BUDGET_FILE, ErrorBudget
 from mixpinn.records.joint_frame import JointFrame, load_joint_frames, save_joint_frames
 from mixpinn.reduced.equilibrium import Equilibrium
 from mixpinn.reduced.hybrid import HybridModel
-from mixpinn.stages.budget import BUDGET_FILE, make_budget
-from mixpinn.stages.budget_solves import Found
-from mixpinn.stages.budget_variants import BudgetConfig
+from mixpinn.stages.budget.make import make_budget
+from mixpinn.stages.budget.solves import Found
+from mixpinn.stages.budget.variants import BudgetConfig
 from mixpinn.stages.hybrid import plain_pose_model, save_bundle
 from mixpinn.stages.prior import cached_prior
 from mixpinn.studies.ablation_sets import TestSet, _Sets

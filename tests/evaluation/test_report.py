@@ -21,6 +21,7 @@ from mixpinn.evaluation import (
     write_report,
 )
 from mixpinn.records import Evaluation, TissueMesh
+from records.test_error_budget import budget
 
 
 @pytest.fixture
@@ -123,3 +124,15 @@ def test_nothing_to_report_is_refused(content: ReportContent, tmp_path: Path) ->
     with pytest.raises(InputError, match="no such file"):
         write_report(tmp_path / "report", missing)
     assert not (tmp_path / "report").exists()
+
+
+def test_the_error_against_the_converged_solution_has_a_section_of_its_own(content, tmp_path):
+    told = budget()
+    page = write_report(tmp_path / "report", dataclasses.replace(content, budget=told)).read_text()
+    assert 'id="budget"' in page
+    assert told.sentence in page
+    assert ("40 %", "of the force may be wrong, against the converged solution") in summarise_run(
+        dataclasses.replace(content, budget=told),
+    ).cards
+    assert json.loads((tmp_path / "report" / "results.json").read_text())["budget"]["total_force"] == told.total_force
+    assert 'id="budget"' not in write_report(tmp_path / "without", content).read_text()

@@ -25,10 +25,22 @@ def budget_page(budget: ErrorBudget) -> str:
         lines += ["Not everything was solved yet, or some solves did not converge: see the notes.", ""]
     for kind, (title, about) in _ABOUT.items():
         entries = [entry for entry in budget.entries if entry.kind is kind]
+        if not entries:
+            continue
         lines += [_table(title, entries, budget).markdown(), about, ""]
         lines += [f"- {entry.source}: {entry.sentence}{_noted(entry)}" for entry in entries]
         lines.append("")
     return "\n".join(lines)
+
+
+def budget_tables(budget: ErrorBudget | None) -> tuple[Table, ...]:
+    """Errors and, where they were looked at, sensitivities; nothing without a budget."""
+    if budget is None:
+        return ()
+    return tuple(
+        _table(title, [entry for entry in budget.entries if entry.kind is kind], budget)
+        for kind, (title, _) in _ABOUT.items() if any(entry.kind is kind for entry in budget.entries)
+    )
 
 
 def _table(title: str, entries: list[BudgetEntry], budget: ErrorBudget) -> Table:
@@ -44,7 +56,8 @@ def _table(title: str, entries: list[BudgetEntry], budget: ErrorBudget) -> Table
             *(_round(budget.total_motions.get(name), 3) for name in names), None,
         ))
     return Table(title, (
-        "Source", "Changed", "Force [N]", "Force [%]", *(f"{name} [mm]" for name in names), "Field, mean [mm]",
+        "Source", "Changed", "Force [N]", "Force [%]",
+        *(f"{name.removeprefix('vertebrae_')} [mm]" for name in names), "Field, mean [mm]",
     ), tuple(rows))
 
 

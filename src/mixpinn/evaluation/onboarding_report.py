@@ -7,10 +7,13 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from mixpinn.base.files import atomic_path
+from mixpinn.evaluation.budget_page import budget_tables
+from mixpinn.records.error_budget import ErrorBudget
 
 
 def rounds_report(
     rounds: Sequence[Mapping[str, Any]], *, mesh_nodes: int, body: Mapping[str, str] | None = None,
+    budget: ErrorBudget | None = None, minutes: float | None = None,
 ) -> str:
     """Markdown: when the predictor became usable, and its error on each round's poses before it learned from them.
 
@@ -18,6 +21,8 @@ def rounds_report(
         rounds: what was reached when.
         mesh_nodes: number of nodes.
         body: what else the body is made of (parts, joints, supports), by what it is.
+        budget: how far answers are from the converged solution.
+        minutes: that all took, pauses not counted.
     """
     prior = next((entry for entry in rounds if entry["stage"] == "prior"), None)
     lines = [f"# A predictor for one anatomy\n\nMesh of {mesh_nodes:,} nodes.\n"]
@@ -30,7 +35,8 @@ def rounds_report(
     learned = [entry for entry in rounds if "model_mee" in entry]
     if learned:
         lines += [
-            "Each round's poses are predicted before anything is learned from them. Mean errors in mm.\n",
+            "Each round's poses are predicted before anything is learned from them. Mean errors in mm, against the "
+            "simulations.\n",
             "| After | New poses | Samples | No motion | Elastic prior | Predictor so far | Its correction | Minutes |",
             "| --- | ---: | ---: | ---: | ---: | ---: | --- | ---: |",
             *(
@@ -42,6 +48,15 @@ def rounds_report(
             "The correction is what the predictor adds to the elastic prior: nothing, a multiple of the Newton step, "
             "or a regression besides, whichever cross-validation over positions found best.\n",
         ]
+    if budget is not None:
+        lines += ["## Error against the converged solution\n", f"{budget.sentence}\n"]
+        lines += [
+            f"{len(budget.tips)} presses, {budget.depth:g} mm beyond first touch, solved again with one thing changed; "
+            "the largest change over them. `mixpinn assess` finds more: facets, what is not known of the patient.\n",
+        ]
+        lines += [table.markdown() for table in budget_tables(budget)]
+    if minutes is not None:
+        lines.append(f"All of it took {minutes:.1f} minutes.\n")
     return "\n".join(lines)
 
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from mixpinn.base.errors import InputError
 from mixpinn.base.files import write_json, write_text
+from mixpinn.evaluation.budget_page import budget_tables
 from mixpinn.evaluation.evaluate import ZeroModel
 from mixpinn.evaluation.metrics import AS_PUBLISHED
 from mixpinn.evaluation.plots import error_against_depth, error_by_part, error_distribution, figure_png, loss_curves
@@ -19,6 +20,7 @@ from mixpinn.evaluation.statistics import depth_profile, summarise, summarise_me
 from mixpinn.evaluation.table import Table
 from mixpinn.evaluation.tables import depth_table, part_table, results_table, runtime_table, spread_table
 from mixpinn.records import Evaluation
+from mixpinn.records.error_budget import ErrorBudget
 
 LIMITS = (
     "The reference is a finite-element simulation and not a measurement on a patient: whatever the simulation gets "
@@ -55,6 +57,7 @@ class ReportContent:
         stage_seconds: stage to its wall time [s].
         fem_seconds: mean time of one step of the finite-element solver [s].
         provenance: versions, seeds and hashes, by group.
+        budget: how far answers are from the converged solution.
         limits: what the figures do and do not say; those special to this run come before `LIMITS`.
         with_paper: show the paper's rows, where its set-up is the one that was simulated.
         seed: of the bootstrap.
@@ -74,6 +77,7 @@ class ReportContent:
     stage_seconds: Mapping[str, float] = field(default_factory=dict)
     fem_seconds: float | None = None
     provenance: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    budget: ErrorBudget | None = None
     limits: tuple[str, ...] = ()
     with_paper: bool = False
     seed: int = 0
@@ -113,15 +117,18 @@ def write_report(folder: Path | str, content: ReportContent) -> Path:
     )
     page = environment.get_template("report.html.j2").render(
         content=content, headline=headline, tables=tables, details=details, setup=setup, stages=stages,
-        limits=(*content.limits, *LIMITS), plots=_plots(content),
+        limits=(*content.limits, *LIMITS), plots=_plots(content), budget=budget_tables(content.budget),
         pictures=[(_data_uri(_read(picture.path)), picture.caption) for picture in content.pictures],
     )
     # Everything is made before anything is written.
     write_json(folder / "results.json", {"headline": headline.sentence, **_results(content)})
     write_text(folder / "results.csv", details[0].csv())
+    total = [] if content.budget is None else [content.budget.sentence + "\n"]
     write_text(folder / "results.md", "\n".join([
-        f"## {content.title}\n", headline.sentence + "\n",
-        *(table.markdown() for table in [*tables, *setup, *([stages] if stages else []), *details]),
+        f"## {content.title}\n", headline.sentence + "\n", *total,
+        *(table.markdown() for table in [
+            *tables, *budget_tables(content.budget), *setup, *([stages] if stages else []), *details,
+        ]),
     ]))
     write_text(folder / "report.html", page)
     return folder / "report.html"
@@ -160,6 +167,10 @@ def summarise_run(content: ReportContent) -> Headline:
     if others:
         sentence += f" Mean errors for comparison: {others}."
     cards.append((f"{_round(error.p95)} mm", "below this in 95 % of situations"))
+    if content.budget is not None:
+        total = content.budget.total
+        cards.append((f"{100.0 * total.force:.0f} %", "of the force may be wrong, against the converged solution"))
+        cards.append((f"{100.0 * total.motion:.0f} %", "of the motions, likewise"))
     if len(best.seconds):
         milliseconds = float(np.median(best.seconds)) * 1e3
         sentence += f" One prediction takes {_round(milliseconds)} ms"
@@ -204,6 +215,7 @@ def _results(content: ReportContent) -> dict[str, Any]:
         })
     return {
         "title": content.title, "models": models, "protocol": dict(content.protocol),
+        "budget": None if content.budget is None else asdict(content.budget),
         "stage_seconds": dict(content.stage_seconds), "fem_seconds": content.fem_seconds,
         "provenance": {group: dict(values) for group, values in content.provenance.items()},
     }

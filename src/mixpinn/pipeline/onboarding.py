@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from mixpinn.base.errors import InputError
+from mixpinn.base.errors import InputError, SolveError
 from mixpinn.base.files import write_text
 from mixpinn.base.progress import console
 from mixpinn.base.rundir import finish_run, run_scope, start_run
@@ -24,7 +24,10 @@ from mixpinn.records import SampleTable, TissueMesh
 from mixpinn.reduced.equilibrium import Equilibrium
 from mixpinn.reduced.fit import HybridConfig, fit_hybrid
 from mixpinn.reduced.hybrid import HybridModel
+from mixpinn.serving.bundle_budget import keep_budget, load_budget
 from mixpinn.stages.anatomy import AnatomyConfig, make_anatomy
+from mixpinn.stages.budget.make import make_budget
+from mixpinn.stages.budget.variants import BudgetConfig
 from mixpinn.stages.evaluation import Background, EvaluationConfig, evaluate_models
 from mixpinn.stages.hybrid import SPLIT_FILE, fit_pose_model, is_whole, plain_pose_model, save_bundle
 from mixpinn.stages.mesh import MeshConfig, make_mesh
@@ -49,6 +52,8 @@ class OnboardingConfig:
         first_round: poses of the first round; each further one doubles the number of poses, until the last, which has
             as many again and tests what was learned from all before.
         pictures: render the last round's typical prediction.
+        budget: of the error estimate against the converged solution, which goes into bundle and report.
+        budget_minutes: no further solve of it begins after this time; 0 leaves it out.
     """
 
     anatomy: AnatomyConfig = field(default_factory=AnatomyConfig)
@@ -58,6 +63,8 @@ class OnboardingConfig:
     poses: int = 40
     first_round: int = 8
     pictures: bool = True
+    budget: BudgetConfig = field(default_factory=lambda: BudgetConfig(poses=2, sensitivity=False))
+    budget_minutes: float = 4.0
 
     def __post_init__(self) -> None:
         for name, least in (("poses", 0), ("first_round", 4)):
@@ -88,7 +95,7 @@ def onboard(config: OnboardingConfig, *, out: Path | str) -> Path:
     """
     out = Path(out)
     settings = asdict(config)
-    for later in ("poses", "pictures"):  # decide how far, not what
+    for later in ("poses", "pictures", "budget", "budget_minutes"):  # decide how far, not what
         del settings[later]
     for stage in ("simulation", "mesh"):
         del settings[stage]["timeout"]  # decides when
@@ -106,9 +113,12 @@ def onboard(config: OnboardingConfig, *, out: Path | str) -> Path:
     if config.poses:
         _learn(model, mesh, config, clock, out)
     told = describe(scene.mesh, scene.restraints)
-    write_text(out / "onboarding.md", rounds_report(clock.rounds, mesh_nodes=mesh.n_points, body=told))
+    budget = load_budget(out / BUNDLE, scene.mesh)
+    write_text(out / "onboarding.md", rounds_report(
+        clock.rounds, mesh_nodes=mesh.n_points, body=told, budget=budget, minutes=clock.seconds() / 60.0,
+    ))
     draw_rounds(clock.rounds, out / "onboarding.png")
-    finish_run(out, {"rounds": clock.rounds})
+    finish_run(out, {"rounds": clock.rounds, "minutes": clock.seconds() / 60.0})
     return out / BUNDLE
 
 
@@ -147,6 +157,7 @@ def _learn(model: HybridModel, mesh: TissueMesh, config: OnboardingConfig, clock
             f"{entry['prior_mee']:.3f} mm, no motion {entry['no_motion']:.2f} mm)."
         )
         if end == len(ordered):
+            _assess(config, out)
             _report(store, table, config, out)
         seen = end
 
@@ -188,6 +199,19 @@ def _fit(
     train, calibration = _samples_of(table, fitted), _samples_of(table, held)
     hybrid = fit_hybrid(prior, scene.materials, train, calibration, config.hybrid)
     return hybrid, fit_pose_model(hybrid, scene.probe, scene.contact, _samples_of(table, poses))
+
+
+def _assess(config: OnboardingConfig, out: Path) -> None:
+    """How far the bundle's answers are from the converged solution, into the bundle."""
+    if not config.budget_minutes:
+        return
+    try:
+        found = make_budget(out / BUNDLE, config.budget, out=out / "budget", minutes=config.budget_minutes)
+    except (InputError, SolveError) as error:  # a predictor without its budget is still a predictor
+        console.print(f"no error budget: {error}", soft_wrap=True)
+        return
+    keep_budget(found, out / BUNDLE)
+    console.print(found.sentence, soft_wrap=True)
 
 
 def _report(store: SimulationStore, last: SampleTable, config: OnboardingConfig, out: Path) -> None:

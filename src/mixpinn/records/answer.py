@@ -10,6 +10,7 @@ import numpy as np
 
 from mixpinn.base.arrays import AnyArray, FloatArray, IntArray
 from mixpinn.base.errors import InputError
+from mixpinn.records.error_budget import TotalError
 from mixpinn.records.tissue_mesh import TissueMesh
 from mixpinn.records.vtu import TetraGrid
 
@@ -123,6 +124,7 @@ class Answer:
         discretisation: elements and mesh that it refers to.
         reference: the displacement that was to be found, if known [mm], of these nodes or of more, shape (≥ n, 3).
         history: to hand to the next call of the same solver or model; None where an answer does not depend on one.
+        total: how far it may be from the converged solution; None where its bundle carries no error budget.
     """
 
     mesh: TissueMesh
@@ -137,9 +139,10 @@ class Answer:
     discretisation: str = ""
     reference: AnyArray | None = None
     history: object | None = None
+    total: TotalError | None = None
 
     def describe(self) -> tuple[str, ...]:
-        """Force, motions and trust in words, a line each."""
+        """Force, motions, trust and total error in words, a line each."""
         lines = []
         if self.force is not None:
             for force in np.atleast_2d(self.force):
@@ -159,6 +162,10 @@ class Answer:
                     f"With the same probability the force errs by less than {self.trust.force_bound:.2f} N, the "
                     f"motions by less than {self.trust.motion_bound:.3f} mm"
                 )
+        if self.total is not None:
+            force = None if self.force is None else float(np.linalg.norm(np.atleast_2d(self.force), axis=1).max())
+            moved = max((motion.distance for motion in self.motions.values()), default=None)
+            lines.append(self.total.describe(force, moved))
         return tuple(lines)
 
     def warnings(self) -> tuple[str, ...]:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from mixpinn.base.validated import load_record, save_record
 
+BUDGET_FILE = "budget.json"
 _REMAKE = "run 'mixpinn assess' again"
 
 
@@ -82,6 +83,15 @@ class ErrorBudget:
     sentence: str
     complete: bool
 
+    @property
+    def total(self) -> "TotalError":
+        """What it says of any answer of the bundle."""
+        most = max(self.motions, key=lambda name: self.motions[name], default="")
+        return TotalError(
+            self.total_force / max(self.force, 1e-9),
+            self.total_motions[most] / max(self.motions[most], 1e-9) if most else 0.0, self.depth, len(self.tips),
+        )
+
     def save(self, path: Path | str) -> None:
         """Write as JSON."""
         save_record(path, self)
@@ -94,3 +104,42 @@ class ErrorBudget:
             InputError: absent or damaged.
         """
         return load_record(ErrorBudget, path, remake=_REMAKE)
+
+
+@dataclass(frozen=True)
+class TotalError:
+    """How far answers of a bundle may be from the converged solution, relative to what they say.
+
+    The budget knows it at its presses; other answers are taken to be off in the same proportion.
+
+    Attributes:
+        force: of the force on the probe, relative.
+        motion: of the motion of the part that moves most, relative.
+        depth: of the budget's presses [mm].
+        presses: how many these are.
+    """
+
+    force: float
+    motion: float
+    depth: float
+    presses: int
+
+    def describe(self, force: float | None, motion: float | None) -> str:
+        """One line about an answer.
+
+        Args:
+            force: size of its force on the probe [N]; None where the answer has none.
+            motion: its largest motion of a rigid part [mm]; None without rigid parts.
+        """
+        parts = []
+        if force is not None:
+            parts.append(f"the force may be off by about {_two(self.force * force)} N ({100.0 * self.force:.0f} %)")
+        if motion is not None:
+            parts.append(f"the motions by {_two(self.motion * motion)} mm ({100.0 * self.motion:.0f} %)")
+        told = ", ".join(parts) or "not known of this answer"
+        return f"Against the converged solution: {told}; error budget of {self.presses} presses {self.depth:g} mm deep"
+
+
+def _two(value: float) -> str:
+    """Two significant digits, without a power of ten."""
+    return f"{float(f'{value:.2g}'):g}"

@@ -3,7 +3,7 @@
 import colorsys
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -66,6 +66,7 @@ class SceneFiles:
             }],
             "skin": {"url": "/api/skin.bin"},
             "tissue": {"url": "/api/tissue.bin", "names": list(mesh.tissue_names)}, "range": domain.as_dict(),
+            "total_error": None if predictor.total is None else asdict(predictor.total),
             "bound_level": model.error.level if model.error is not None else None,
             "warnings": list(bundle_warnings(predictor)), "world_to_scanner": mesh.world_to_scanner.tolist(),
         }

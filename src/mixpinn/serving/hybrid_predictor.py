@@ -14,7 +14,9 @@ from mixpinn.base.errors import InputError
 from mixpinn.geometry.probe_pose import probe_rotation
 from mixpinn.records import TissueMesh
 from mixpinn.records.answer import Answer, Contact, Source, Trust, discretisation_of
+from mixpinn.records.error_budget import ErrorBudget, TotalError
 from mixpinn.reduced.hybrid import POSE_FILE, HybridModel, HybridState, load_bundle_mesh
+from mixpinn.serving.bundle_budget import load_budget
 from mixpinn.serving.contact_input import checked_contact
 from mixpinn.serving.motions import motions_of_field, motions_of_twists
 
@@ -32,6 +34,7 @@ class HybridPredictor:
         mesh: the mesh that it belongs to.
         threads: for the predictor of a network; a hybrid prediction runs in the thread that asks for it.
         pose: contact from the probe's pose; None where the bundle has none.
+        budget: how far its answers are from the converged solution; None where the bundle does not know.
         loading_seconds: how long loading and warming up took [s].
 
     Example:
@@ -43,11 +46,14 @@ class HybridPredictor:
         True
     """
 
-    def __init__(self, model: HybridModel, *, pose: "PoseModel | None" = None, threads: int | None = None) -> None:
+    def __init__(
+        self, model: HybridModel, *, pose: "PoseModel | None" = None, threads: int | None = None,
+        budget: ErrorBudget | None = None,
+    ) -> None:
         if threads is not None and threads < 1:
             raise InputError("threads", expected="at least 1", got=str(threads), fix="give a positive number")
         self.model, self.mesh, self.name, self.threads, self.pose = model, model.mesh, model.name, threads, pose
-        self.loading_seconds = 0.0
+        self.budget, self.loading_seconds = budget, 0.0
 
     @staticmethod
     def load(
@@ -74,7 +80,7 @@ class HybridPredictor:
             from mixpinn.press.files import load_pose_model
 
             pose = load_pose_model(folder, model)
-        predictor = HybridPredictor(model, pose=pose, threads=threads)
+        predictor = HybridPredictor(model, pose=pose, threads=threads, budget=load_budget(folder, model.mesh))
         predictor.name = name or model.name
         if warm_up:
             predictor.predict(model.prior.nodes[:2], np.tile([0.0, -0.1, 0.0], (2, 1)))
@@ -98,6 +104,11 @@ class HybridPredictor:
                 fix="fit the hybrid model on simulations that know their probe",
             )
         return self.pose
+
+    @cached_property
+    def total(self) -> TotalError | None:
+        """How far answers may be from the converged solution, where the bundle knows it."""
+        return None if self.budget is None else self.budget.total
 
     @cached_property
     def _discretisation(self) -> str:
@@ -133,7 +144,7 @@ class HybridPredictor:
             self.mesh, self.model.expand(state), Source.HYBRID_CONTACT, model=self.name,
             motions=motions_of_twists(self.mesh, self.model.prior.coordinates.twists(state.unknowns)),
             contact=Contact(*self._checked(nodes, displacements)), trust=self._trust(state),
-            discretisation=discretisation_of(self.mesh), reference=reference,
+            discretisation=discretisation_of(self.mesh), reference=reference, total=self.total,
         )
 
     def press(
@@ -177,6 +188,7 @@ class HybridPredictor:
             moment=wrench[..., 3:], motions=motions_of_twists(self.mesh, found.twists),
             contact=Contact(contact.nodes, contact.displacement, contact.forces),
             trust=found.trust, discretisation=self._discretisation, history=contact.history,
+            total=self.total,
         )
 
     def press_many(

@@ -166,6 +166,7 @@ def evaluate_models(
             "Versions": versions(), "Identity": {"mesh": mesh.hash(), "simulations": store.identity},
             **(background.provenance or {}),
         },
+        budget=next((model.budget for model in trained if isinstance(model, HybridPredictor)), None),
         with_paper=config.with_paper, seed=config.seed,
     ))
     finish_run(out, {evaluation.model: float(evaluation.metrics["mee"].mean()) for evaluation in evaluations})

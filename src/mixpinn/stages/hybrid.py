@@ -19,6 +19,7 @@ from mixpinn.press.fit import collect, fit_pose
 from mixpinn.press.model import PoseModel
 from mixpinn.press.records import PoseContactConfig
 from mixpinn.records import MESH_FILE, Probe, SampleTable
+from mixpinn.records.error_budget import BUDGET_FILE
 from mixpinn.reduced.fit import HybridConfig, fit_hybrid
 from mixpinn.reduced.hybrid import BUNDLE, HYBRID_FILE, POSE_FILE, HybridModel
 from mixpinn.stages.prior import cached_prior
@@ -106,6 +107,7 @@ def fit_pose_model(
 
 def save_bundle(model: HybridModel, out: Path, *, tolerance: float = 0.0) -> None:
     """Write all that `mixpinn.serving` needs: the mesh, the prior, the correction and its calibration."""
+    (out / BUDGET_FILE).unlink(missing_ok=True)  # of the model that was there before
     model.mesh.save(out / MESH_FILE)
     model.save(out, tolerance=tolerance)
 

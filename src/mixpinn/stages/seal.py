@@ -7,6 +7,7 @@ from mixpinn.base.manifest import Artefact
 from mixpinn.dataset import store
 from mixpinn.networks import checkpoint
 from mixpinn.records import MESH_FILE, samples
+from mixpinn.records.error_budget import BUDGET_FILE
 from mixpinn.records.label_map import label_map_files
 from mixpinn.reduced import hybrid, prior
 from mixpinn.stages.anatomy import LABELS_FILE
@@ -38,7 +39,7 @@ def seal_folder(folder: Path | str) -> list[tuple[Path, Artefact]]:
             (folder, checkpoint.NETWORK, (checkpoint.MODEL_FILE, checkpoint.WEIGHTS_FILE, MESH_FILE)),
             (folder, prior.PRIOR, prior.FILES),
             (folder / hybrid.PRIOR_FOLDER, prior.PRIOR, prior.FILES),
-            (folder, hybrid.BUNDLE, hybrid.FILES),
+            (folder, hybrid.BUNDLE, (*hybrid.FILES, BUDGET_FILE)),
             (folder, MESH_RUN, (*MESH_RUN_FILES[1:], MESH_FILE)),
             (folder, samples.SAMPLE_TABLE, samples.FILES),
         ) if (where / names[0]).is_file()

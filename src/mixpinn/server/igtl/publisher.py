@@ -104,6 +104,8 @@ class Publisher:
                 "force_bound_N": _short(trust.force_bound), "motion_bound_mm": _short(trust.motion_bound),
                 "reasons": list(trust.reasons),
             }
+        if answer is not None and answer.total is not None:
+            said["converged_error"] = {"force": _short(answer.total.force), "motion": _short(answer.total.motion)}
         return [(TRUST, StringBody(json.dumps(said)).pack())]
 
     def prepare_grid(self) -> None:

@@ -17,6 +17,8 @@ export class Results {
     this.end = 10; // of the gauge [N]
     this.shown = null; // whose numbers stand there, and of which probe
     this.active = 0;
+    this.total = scene.total;
+    at("total").hidden = !this.total;
     this.rows = scene.parts.map(({ name, label, colour }) => {
       const row = at("motions").insertRow(), dot = document.createElement("i");
       dot.style.background = colour;
@@ -50,8 +52,16 @@ export class Results {
       write(angle, answer.parts[k].angle.toFixed(2));
     });
     this.#trust(answer.trust, own);
+    if (this.total) write(at("total"), this.#against(force, Math.max(0, ...answer.parts.map((part) => part.distance))));
     // For whoever drives the page by a script: which answer these numbers are.
     at("force").dataset.sequence = answer.sequence;
+  }
+
+  /** The sentence of `TotalError.describe`. */
+  #against(force, motion) {
+    const by = (share, value, unit) => `${Number((share * value).toPrecision(2))} ${unit} (${Math.round(100 * share)} %)`;
+    return `Against the converged solution the force may be off by about ${by(this.total.force, force, "N")}, `
+      + `the motions by ${by(this.total.motion, motion, "mm")}.`;
   }
 
   #trust(trust, own) {

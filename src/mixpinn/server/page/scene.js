@@ -10,6 +10,7 @@
  * @property {number[]} direction along which the bundle learned to press, of length 1
  * @property {number} deepest depth that it learned from [mm]
  * @property {() => Promise<Tissue>} tissue reads what lies inside, when it is to be seen
+ * @property {{force: number, motion: number} | null} total error against the converged solution, relative
  *
  * @typedef {{points: Float32Array, triangles: Uint32Array}} Geometry
  *
@@ -32,6 +33,7 @@ export async function loadScene() {
   const { direction, deepest } = about.range;
   return {
     name: about.name, discretisation: about.discretisation, warnings: about.warnings ?? [], direction, deepest,
+    total: about.total_error ?? null,
     bounds: { low: about.low, high: about.high }, skin, probe,
     tissue: () => loadTissue(about.tissue.url),
     parts: parts.map((part, k) => ({ ...part, ...about.parts[k] })),

@@ -11,13 +11,14 @@ from mixpinn.base.rundir import finish_run, run_scope, start_run
 from mixpinn.evaluation.budget_page import budget_page
 from mixpinn.geometry.probe_pose import probe_rotation
 from mixpinn.records import TissueMesh
-from mixpinn.records.error_budget import BudgetKind, ErrorBudget
+from mixpinn.records.error_budget import BUDGET_FILE, BudgetKind, ErrorBudget
 from mixpinn.serving import HybridPredictor, load_predictor
-from mixpinn.stages.budget_entries import PREDICTOR, budget_of, entry_of, of_single_tissue
-from mixpinn.stages.budget_solves import Found, Press, presses, solve_kept
-from mixpinn.stages.budget_variants import MODULUS, BudgetConfig, Variant, base_scene, present, variants
+from mixpinn.stages.budget.entries import PREDICTOR, budget_of, entry_of, of_single_tissue
+from mixpinn.stages.budget.solves import Found, Press, presses, solve_kept
+from mixpinn.stages.budget.variant import Variant
+from mixpinn.stages.budget.variants import MODULUS, BudgetConfig, base_scene, present, variants
 
-BUDGET_FILE, PAGE_FILE = "budget.json", "budget.md"
+PAGE_FILE = "budget.md"
 _SOLVES = "solves"
 
 
@@ -75,8 +76,9 @@ def make_budget(
         } for n in of_source]
         words = f"{present(source, base)} → {', '.join(plan[number].value for number in of_source)}"
         kind = plan[of_source[0]].kind
-        entries.append(entry_of(source, kind, words, whole, ends, predictor.mesh, planned=len(lines)))
-    if MODULUS not in {entry.source for entry in entries}:
+        note = plan[of_source[0]].note
+        entries.append(entry_of(source, kind, words, whole, ends, predictor.mesh, planned=len(lines), note=note))
+    if config.sensitivity and MODULUS not in {entry.source for entry in entries}:
         entries.append(of_single_tissue(whole, predictor.mesh, config.modulus))
     budget = budget_of(
         predictor, config.depth, tips, whole, entries, complete=len(solved) == len(plan) * len(lines),

@@ -9,15 +9,16 @@ from mixpinn.records import TissueMesh
 from mixpinn.records.answer import discretisation_of
 from mixpinn.records.error_budget import BudgetEntry, BudgetKind, ErrorBudget
 from mixpinn.serving import HybridPredictor
-from mixpinn.stages.budget_solves import Found
-from mixpinn.stages.budget_variants import CELLS, FACETS, MODULUS
+from mixpinn.stages.budget.restraints import HELD, JOINTS, SUPPORT
+from mixpinn.stages.budget.solves import Found
+from mixpinn.stages.budget.variants import CELLS, FACETS, FIXED, FRICTION, GAP, MODULUS, PENALTY, POISSON
 
 PREDICTOR = "predictor"
 
 
 def entry_of(
     source: str, kind: BudgetKind, varied: str, base: dict[int, Found], ends: Sequence[dict[int, Found]],
-    mesh: TissueMesh, *, planned: int,
+    mesh: TissueMesh, *, planned: int, note: str = "",
 ) -> BudgetEntry:
     """The largest changes over presses and ends.
 
@@ -29,6 +30,7 @@ def entry_of(
         ends: for each value that it was changed to, what the presses do then, as far as they were solved.
         mesh: of the bundle.
         planned: presses that there are to be.
+        note: what a reader must know beside the figures.
     """
     pairs = [(base[index], found) for end in ends for index, found in end.items()]
     done = min((len(end) for end in ends), default=0)
@@ -49,8 +51,7 @@ def entry_of(
     ]
     motions = {name: float(value) for name, value in zip(mesh.rigid_names, moved, strict=True)}
     notes = [] if done == planned else [f"{done} of {planned} presses were solved and converged"]
-    if source == FACETS:
-        notes.append("the cells differ too")
+    notes += [note] if note else []
     return BudgetEntry(
         source, kind, varied, force, share, motions, max(fields, default=None), done,
         _said(source, force, share, motions), "; ".join(notes),
@@ -75,16 +76,25 @@ def of_single_tissue(base: dict[int, Found], mesh: TissueMesh, modulus: float) -
     )
 
 
+_WORDS = {
+    PREDICTOR: "the fast answer itself", PENALTY: "how contact is computed", GAP: "how contact is computed",
+    CELLS: "the size of the mesh's cells", FACETS: "the facets of the surfaces", MODULUS: "the stiffness of tissue",
+    POISSON: "how far tissue can be squeezed", FRICTION: "the friction of the skin", FIXED: "where the body is held",
+    JOINTS: "how the vertebrae hang together", SUPPORT: "what the body lies on", HELD: "which bones are held",
+}
+"""Sources for a reader who presses backs."""
+
+
 def _said(source: str, force: float, share: float, motions: dict[str, float]) -> str:
     """One sentence for a reader who presses backs."""
     part = max(motions, key=lambda name: motions[name], default="")
-    moves = f"moves {part} by up to {motions[part]:.2f} mm" if part else "moves no rigid part"
-    by = f"{force:.1f} N ({100.0 * share:+.0f} %)"
-    return {
-        PREDICTOR: f"The fast answer differs from the full solve by up to {by} and {moves} otherwise.",
-        CELLS: f"Finer cells on the same surfaces change the force by up to {by}, which {moves} differently.",
-        FACETS: f"A finer surface of the same anatomy changes the force by up to {by}, which {moves} differently.",
-    }.get(source, f"This changes the force by up to {by} and {moves} differently.")
+    by = f"the force by up to {force:.1f} N ({100.0 * share:+.0f} %)"
+    if part:
+        by += f" and the motion of {part} by up to {motions[part]:.2f} mm"
+    if source == PREDICTOR:
+        return f"Computing fast instead of solving in full changes {by}."
+    words = _WORDS.get(source, source)
+    return f"{words[0].upper()}{words[1:]} changes {by}."
 
 
 def budget_of(
@@ -123,17 +133,16 @@ def _whole(
 ) -> str:
     begin = f"When the probe presses {depth:g} mm deep, the skin pushes back with about {force:.0f} N"
     largest = max(errors, key=lambda entry: entry.force or 0.0)
-    end = (
-        f"that force may be wrong by about {total_force:.1f} N, most of it from the {largest.source}"
-    )
+    end = f"that force may be wrong by about {total_force:.1f} N, mostly by {_WORDS[largest.source]}"
     if motions:
         part = max(motions, key=lambda name: motions[name])
         most = max(errors, key=lambda entry: entry.motions.get(part, 0.0))
         begin += f" and {part} moves by about {motions[part]:.1f} mm"
-        end += f", and that motion by about {total_motions[part]:.2f} mm, most of it from the {most.source}"
+        by = "as well" if most.source == largest.source else f"mostly by {_WORDS[most.source]}"
+        end += f", and that motion by about {total_motions[part]:.2f} mm, {by}"
     known = max(unknowns, key=lambda entry: entry.motion, default=None)
     more = "" if known is None else (
-        f"; of what is not known of the patient the {known.source} counts most for the motions: up to "
+        f"; of what is not known of the patient {_WORDS[known.source]} counts most: it changes motions by up to "
         f"{known.motion:.2f} mm"
     )
     return f"{begin}; {end}{more}."

@@ -1,12 +1,12 @@
 """The scenes whose full solves an error budget compares: the bundle's own, and each with one thing changed."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import partial
 
 import numpy as np
 
+from mixpinn.base.errors import InputError
 from mixpinn.base.sensible import require_settings
 from mixpinn.fem import Material, Scene, StableNeoHookean
 from mixpinn.fem.contact.model import ContactConfig
@@ -17,6 +17,8 @@ from mixpinn.physics.restraints import FREE
 from mixpinn.records import TissueMesh
 from mixpinn.records.error_budget import BudgetKind
 from mixpinn.serving import HybridPredictor
+from mixpinn.stages.budget.restraints import HELD, JOINTS, SUPPORT, restraint_variants, restraints_present
+from mixpinn.stages.budget.variant import Variant
 
 
 class Finer(StrEnum):
@@ -43,6 +45,7 @@ class BudgetConfig:
         poisson: by how much Poisson's ratio of every tissue is changed.
         friction: by how much Coulomb's coefficient is changed.
         fixed: by how much the depth of the region that is held in place is changed [mm].
+        sensitivity: also find what is not known of the patient decides; else errors alone.
         threads: of the solver.
     """
 
@@ -55,6 +58,7 @@ class BudgetConfig:
     poisson: float = 0.03
     friction: float = 0.5
     fixed: float = 10.0
+    sensitivity: bool = True
     threads: int = 1
 
     def __post_init__(self) -> None:
@@ -66,27 +70,6 @@ class BudgetConfig:
             "poisson": (0.0 < self.poisson < 0.2, "between 0 and 0.2"),
             "friction": (self.friction > 0.0, "more than 0"), "fixed": (self.fixed > 0.0, "more than 0 mm"),
         })
-
-
-@dataclass(frozen=True, eq=False)
-class Variant:
-    """A scene with one thing changed.
-
-    Attributes:
-        source: what is changed; several variants of one source make one entry, the larger change counting.
-        kind: whether the change shows an error or a sensitivity.
-        value: what it is changed to, in words.
-        scene: makes it; solved only where it is needed.
-        same_vertices: whether its first vertices are those of the bundle's mesh.
-        scale: what its change is multiplied with, where it stands for a larger one.
-    """
-
-    source: str
-    kind: BudgetKind
-    value: str
-    scene: Callable[[], Scene]
-    same_vertices: bool = True
-    scale: float = 1.0
 
 
 PENALTY, GAP, CELLS, FACETS = "contact penalty", "contact gap", "discretisation", "facets"
@@ -117,59 +100,110 @@ def variants(base: Scene, config: BudgetConfig, *, facets: TissueMesh | None = N
         base: of the bundle.
         config: what is changed by how much.
         facets: a mesh of the same anatomy whose surfaces are finer.
+
+    Raises:
+        InputError: `facets` is a mesh of other parts or tissues.
     """
-    contact, error, unknown = base.contact, BudgetKind.ERROR, BudgetKind.SENSITIVITY
-    stiffer = replace(contact, stiffness=config.stiffness_factor * contact.stiffness)
+    errors = _contact_errors(base, config)
+    unknown = [
+        *_frictions(base, config), *_tissues(base, config), *_fixed_regions(base, config), *restraint_variants(base),
+    ] if config.sensitivity else []
+    finer = [_finer_cells(base, config), *([] if facets is None else [_finer_facets(base, facets)])]
+    return [*errors, *unknown, *finer]
+
+
+def _contact_errors(base: Scene, config: BudgetConfig) -> list[Variant]:
+    contact, factor = base.contact, config.stiffness_factor
+    stiffer = replace(contact, stiffness=factor * contact.stiffness)
     # With the gap of a path's step or less the first step would end under the skin: then a wider one.
     share = config.gap_share if config.gap_share * contact.gap > 1.2 * PATH_STEP else 2.0 - config.gap_share
     other = replace(contact, gap=share * contact.gap)
-    factor = config.stiffness_factor
-    found = [
+    return [
         # What gives way is proportional to 1/k: from k to rigid it is κ/(κ − 1) of that from k to κ k.
         Variant(
-            PENALTY, error, f"{stiffer.stiffness:g} N/mm, extrapolated to rigid",
+            PENALTY, BudgetKind.ERROR, f"{stiffer.stiffness:g} N/mm, extrapolated to rigid",
             partial(replace, base, contact=stiffer), scale=factor / (factor - 1.0),
         ),
         Variant(
-            GAP, error, f"{other.gap:g} mm, extrapolated to none", partial(replace, base, contact=other),
+            GAP, BudgetKind.ERROR, f"{other.gap:g} mm, extrapolated to none", partial(replace, base, contact=other),
             scale=1.0 / abs(1.0 - share),
         ),
     ]
-    for friction in (max(0.0, contact.friction - config.friction), contact.friction + config.friction):
-        changed = partial(replace, base, contact=replace(contact, friction=friction))
-        found.append(Variant(FRICTION, unknown, f"{friction:g}", changed))
-    tissues = tuple(_lame(material) for material in base.materials)
+
+
+def _frictions(base: Scene, config: BudgetConfig) -> list[Variant]:
+    contact = base.contact
+    return [
+        Variant(
+            FRICTION, BudgetKind.SENSITIVITY, f"{friction:g}",
+            partial(replace, base, contact=replace(contact, friction=friction)),
+        ) for friction in (max(0.0, contact.friction - config.friction), contact.friction + config.friction)
+    ]
+
+
+def _tissues(base: Scene, config: BudgetConfig) -> list[Variant]:
+    """Other Poisson's ratios; other moduli where they change more than the size of all forces."""
+    tissues, found = tuple(_lame(material) for material in base.materials), []
     for sign in (-1.0, 1.0):
         soft = tuple(_with_poisson(material, sign * config.poisson) for material in tissues)
-        found.append(Variant(POISSON, unknown, f"{_moduli(soft[0])[1]:.3f}", partial(replace, base, materials=soft)))
-    if len(base.materials) > 1 or base.restraints != FREE:
-        first = 1 if len(base.materials) > 1 else 0
-        for factor in (1.0 - config.modulus, 1.0 + config.modulus):
-            scaled = tuple(
-                material if index < first else StableNeoHookean(factor * material.mu, factor * material.lam)
-                for index, material in enumerate(tissues)
-            )
-            found.append(Variant(MODULUS, unknown, f"× {factor:g}", partial(replace, base, materials=scaled)))
-    for change in (-config.fixed, config.fixed):
-        mesh = _with_fixed(base.mesh, change)
-        if mesh is not None:
-            found.append(Variant(FIXED, unknown, f"{change:+g} mm", partial(replace, base, mesh=mesh)))
-    finer = config.finer or (Finer.QUADRATIC if base.mesh.order == 1 else Finer.HALVED)
-    # Errors fall with the square of the width (see `benchmarks.truth`): 4/3 of what halving it changes is left.
-    found.append(Variant(
-        CELLS, error, f"{finer.value}{', extrapolated' if finer is Finer.HALVED else ''}",
-        lambda: replace(base, mesh=_finer(base.mesh, finer)), scale=4.0 / 3.0 if finer is Finer.HALVED else 1.0,
-    ))
-    if facets is not None:
-        of_facets = facets.with_order(base.mesh.order)
         found.append(Variant(
-            FACETS, error, f"{facets.n_points} vertices", partial(replace, base, mesh=of_facets), same_vertices=False,
+            POISSON, BudgetKind.SENSITIVITY, f"{_moduli(soft[0])[1]:.3f}", partial(replace, base, materials=soft),
+        ))
+    if len(tissues) == 1 and base.restraints == FREE:
+        return found
+    first = 1 if len(tissues) > 1 else 0
+    for factor in (1.0 - config.modulus, 1.0 + config.modulus):
+        scaled = tuple(
+            material if index < first else StableNeoHookean(factor * material.mu, factor * material.lam)
+            for index, material in enumerate(tissues)
+        )
+        found.append(Variant(
+            MODULUS, BudgetKind.SENSITIVITY, f"× {factor:g}", partial(replace, base, materials=scaled),
         ))
     return found
 
 
+def _fixed_regions(base: Scene, config: BudgetConfig) -> list[Variant]:
+    meshes = [(change, _with_fixed(base.mesh, change)) for change in (-config.fixed, config.fixed)]
+    return [
+        Variant(FIXED, BudgetKind.SENSITIVITY, f"{change:+g} mm", partial(replace, base, mesh=mesh))
+        for change, mesh in meshes if mesh is not None
+    ]
+
+
+def _finer_cells(base: Scene, config: BudgetConfig) -> Variant:
+    finer = config.finer or (Finer.QUADRATIC if base.mesh.order == 1 else Finer.HALVED)
+    scene = partial(_with_finer_cells, base, finer)
+    if finer is Finer.QUADRATIC:
+        return Variant(
+            CELLS, BudgetKind.ERROR, finer.value, scene,
+            note="quadratic cells on the same mesh are not converged either",
+        )
+    # Errors fall with the square of the width (see `benchmarks.truth`): 4/3 of what halving it changes is left.
+    return Variant(CELLS, BudgetKind.ERROR, f"{finer.value}, extrapolated", scene, scale=4.0 / 3.0)
+
+
+def _with_finer_cells(base: Scene, finer: Finer) -> Scene:
+    return replace(base, mesh=_finer(base.mesh, finer))
+
+
+def _finer_facets(base: Scene, facets: TissueMesh) -> Variant:
+    if facets.rigid_names != base.mesh.rigid_names or facets.tissue_names != base.mesh.tissue_names:
+        raise InputError(
+            "facets", expected="a mesh of the same anatomy: rigid parts " + ", ".join(base.mesh.rigid_names),
+            got=", ".join(facets.rigid_names) or "none", fix="mesh the same label maps with the same parts and tissues",
+        )
+    mesh = facets.with_order(base.mesh.order)
+    return Variant(
+        FACETS, BudgetKind.ERROR, f"{facets.n_points} vertices", partial(replace, base, mesh=mesh), same_vertices=False,
+        note="the cells differ too",
+    )
+
+
 def present(source: str, base: Scene) -> str:
     """What the bundle has of a source, in words."""
+    if source in (JOINTS, SUPPORT, HELD):
+        return restraints_present(source, base)
     return {
         PENALTY: f"{base.contact.stiffness:g} N/mm", GAP: f"{base.contact.gap:g} mm",
         FRICTION: f"{base.contact.friction:g}", POISSON: f"{_moduli(_lame(base.materials[0]))[1]:.3f}",

@@ -8,11 +8,11 @@ import pytest
 from mixpinn.base.errors import InputError
 from mixpinn.press.files import save_pose_model
 from mixpinn.records import MESH_FILE
-from mixpinn.records.error_budget import BudgetKind, ErrorBudget
-from mixpinn.stages.budget import BUDGET_FILE, PAGE_FILE, make_budget
-from mixpinn.stages.budget_entries import PREDICTOR, entry_of
-from mixpinn.stages.budget_solves import Found, presses
-from mixpinn.stages.budget_variants import (
+from mixpinn.records.error_budget import BUDGET_FILE, BudgetKind, ErrorBudget
+from mixpinn.stages.budget.entries import PREDICTOR, entry_of
+from mixpinn.stages.budget.make import PAGE_FILE, make_budget
+from mixpinn.stages.budget.solves import Found, presses
+from mixpinn.stages.budget.variants import (
     CELLS,
     FIXED,
     FRICTION,
@@ -99,7 +99,7 @@ def test_a_single_tissue_scales_forces_and_leaves_motions(predictor, bundle, bud
 
 
 def test_it_goes_on_from_what_was_solved_and_comes_to_the_same(bundle, budget, folder, tmp_path, monkeypatch):
-    import mixpinn.stages.budget_solves as solves
+    import mixpinn.stages.budget.solves as solves
 
     kept = sorted((folder / "solves").iterdir())
     kept[0].unlink()
