@@ -1,11 +1,14 @@
 """One picture of what a body is made of: layers, bones, joints and supports, in a lengthwise and a cross section."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mixpinn.anatomy.mixture import mixed_parts
+from mixpinn.anatomy.names import tissue_group
 from mixpinn.base.arrays import AnyArray, FloatArray, IntArray
 from mixpinn.base.files import atomic_path
 from mixpinn.evaluation.metrics import part_label
@@ -19,7 +22,8 @@ if TYPE_CHECKING:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-_TISSUES = ("#F0D3C0", "#F7E9A0", "#D98A80", "#C4A484", "#B9C6D9", "#C9D8B6", "#D9C2DE", "#E3B9A0")
+_TISSUES = ("#F0D3C0", "#C4A484", "#C9D8B6", "#D9C2DE", "#E3B9A0")
+_GROUPS = {"fat": "#F7E9A0", "muscle": "#D98A80", "disc": "#B9C6D9", "organ": "#B08968"}
 _AXES = (("right", "#CC3311"), ("back", "#009944"), ("caudal", "#0055AA"))
 _BONE, _BEHIND, _HATCH = "#FFFDF2", "0.45", "//////"
 _NEAR = 20.0
@@ -83,11 +87,24 @@ def draw_body(mesh: TissueMesh, restraints: Restraints, path: Path | str, *, axi
         figure.savefig(temporary, dpi=110, format="png")
 
 
+def tissue_colours(names: Sequence[str]) -> FloatArray:
+    """Colour of each tissue, fat, muscle, discs and organs always the same and mixtures between, shape (T, 3)."""
+    from matplotlib.colors import to_rgb
+
+    pure = [name for name in names if len(mixed_parts(name)) == 1 and tissue_group(name) is None]
+
+    def colour(name: str) -> FloatArray:
+        place = pure.index(name) if name in pure else 0
+        return np.array(to_rgb(_GROUPS.get(tissue_group(name) or "", _TISSUES[place % len(_TISSUES)])))
+
+    return np.array([sum(share * colour(part) for part, share in mixed_parts(name)) for name in names])
+
+
 def _draw_tissues(plot: "Axes", mesh: TissueMesh, section: _Section, place: float) -> None:
     from matplotlib.collections import PolyCollection
 
     polygons, cells = cut_cells(mesh.points, mesh.cells, axis=section.normal, place=place)
-    colours = [_TISSUES[int(t) % len(_TISSUES)] for t in mesh.tissue[cells]]
+    colours = tissue_colours(mesh.tissue_names)[mesh.tissue[cells]]
     flat = [polygon[:, [section.across, section.up]] for polygon in polygons]
     plot.add_collection(PolyCollection(flat, facecolors=colours, edgecolors=colours, linewidths=0.3))
 
@@ -149,7 +166,9 @@ def _legend(mesh: TissueMesh, restraints: Restraints) -> "list[Patch | Line2D]":
     from matplotlib.patches import Patch
 
     shown: list[Patch | Line2D] = [
-        Patch(color=_TISSUES[t % len(_TISSUES)], label=name) for t, name in enumerate(mesh.tissue_names)
+        Patch(color=tuple(colour), label=name)
+        for name, colour in zip(mesh.tissue_names, tissue_colours(mesh.tissue_names), strict=True)
+        if len(mixed_parts(name)) == 1
     ]
     held = mesh.held_parts
     if not held.all():

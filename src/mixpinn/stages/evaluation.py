@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from mixpinn.anatomy.mixture import mixed_parts
 from mixpinn.base.errors import InputError
 from mixpinn.base.files import hash_arrays
 from mixpinn.base.rundir import finish_run, is_finished, run_scope, start_run, versions
@@ -225,7 +226,12 @@ def _seconds_a_step(summary: GenerationSummary | None) -> float | None:
 def _protocol(store: SimulationStore, tissues: Sequence[str]) -> dict[str, str]:
     protocol, told = store.protocol, {}
     with contextlib.suppress(InputError):  # of recordings and materials of one's own not all is known
-        told = {f"Tissue: {name}": constants(m) for name, m in zip(tissues, store.materials(), strict=True)}
+        told = {
+            f"Tissue: {name}": constants(m) for name, m in zip(tissues, store.materials(), strict=True)
+            if len(mixed_parts(name)) == 1
+        }
+        if len(told) < len(tissues):
+            told["Tissue: two in a cell"] = "Lamé constants averaged by volume"
     with contextlib.suppress(InputError):
         told |= describe(store.mesh(), store.restraints())
     with contextlib.suppress(InputError):

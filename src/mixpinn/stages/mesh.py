@@ -16,6 +16,7 @@ from mixpinn.base.sensible import positive, require_settings
 from mixpinn.base.validated import load_record
 from mixpinn.mesh.cells.bisect import refine_to
 from mixpinn.mesh.cells.label import label_mesh
+from mixpinn.mesh.cells.tissues import tissue_table
 from mixpinn.mesh.checks.condition import check_unit, mesh_warnings
 from mixpinn.mesh.checks.ears import peel_flat_ears
 from mixpinn.mesh.checks.fidelity import MeshFidelity, mesh_fidelity
@@ -208,6 +209,8 @@ def make_mesh(
     report = result.statistics.markdown()
     if result.mesh.doubts:
         report += "\n" + "".join(f"- {doubt}\n" for doubt in result.mesh.doubts)
+    if isinstance(source, LabelMap):
+        report += tissue_table(result.mesh, source)
     if result.fidelity is not None:
         write_json(out / "fidelity.json", result.fidelity)
         report += "\n" + result.fidelity.markdown()

@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Literal
 
+from mixpinn.anatomy.mixture import mixed_parts
 from mixpinn.base.arrays import FloatArray
 from mixpinn.base.config import build_config
 from mixpinn.base.errors import InputError, SolveError
@@ -35,6 +36,7 @@ from mixpinn.fem import (
     scene_hash,
     scene_record,
 )
+from mixpinn.fem.material.mixed import mean_material
 from mixpinn.fem.material.skin_presets import MEMBRANES, SkinPreset, preset_of
 from mixpinn.fem.material.tissue_presets import TissuePreset, preset_modulus
 from mixpinn.geometry.probe_shapes import linear_probe
@@ -161,6 +163,9 @@ class SimulationConfig:
 
 
 def _material(name: str, config: SimulationConfig) -> Material:
+    parts = mixed_parts(name)
+    if len(parts) > 1 and name not in config.tissues:
+        return mean_material([(share, _material(part, config)) for part, share in parts])
     known = preset_modulus(name, config.moduli) if name not in config.tissues else None
     return config.tissues.get(name, config.tissue).material() if known is None else known.material()
 
@@ -171,7 +176,8 @@ def make_scene(mesh: TissueMesh, config: SimulationConfig) -> Scene:
     Raises:
         InputError: a tissue or a part that the mesh does not have, no frames for joints, or an unreadable probe.
     """
-    unknown = sorted(set(config.tissues) - set(mesh.tissue_names))
+    parts = {part for name in mesh.tissue_names for part, _ in mixed_parts(name)}
+    unknown = sorted(set(config.tissues) - set(mesh.tissue_names) - parts)
     if unknown:
         raise InputError(
             f"tissue {unknown[0]!r}", expected="one of " + ", ".join(mesh.tissue_names), got="another name",

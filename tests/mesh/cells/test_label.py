@@ -3,9 +3,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mesh.shapes import ball_label_map, box_mesh
+from mesh.shapes import box_mesh
 from mixpinn.mesh import FixedRegion, fixed_nodes, label_mesh, part_contacts
-from mixpinn.mesh.cells.label import cell_tissue
 from mixpinn.mesh.surfaces.surface import DomainSurfaces, Surface
 
 CAVITY = np.s_[1:3, 1:3, 1:2]
@@ -45,16 +44,6 @@ def test_fixed_region_is_the_surfaces_not_the_meshs():
     )
     assert cut.points[fixed_nodes(cut, region=whole), 1].max() == -20.0
     assert cut.points[fixed_nodes(cut), 1].max() == -10.0
-
-
-def test_tissue_by_centroid():
-    label_map = ball_label_map()
-    labels = label_map.labels.copy()
-    labels[labels == 2] = 3
-    labels[: labels.shape[0] // 2][labels[: labels.shape[0] // 2] == 1] = 2
-    label_map = replace(label_map, labels=labels, soft_names=("body", "muscle"))
-    at = np.array([[-30.0, 0, 0], [30.0, 0, 0], [0.0, 0, 0], [500.0, 0, 0]])
-    np.testing.assert_array_equal(cell_tissue(at, label_map), [1, 0, 0, 0])
 
 
 def test_contacts_counted_on_two_cells():

@@ -6,6 +6,7 @@ import numpy as np
 
 from mixpinn.base.arrays import AnyArray, BoolArray, FloatArray, Int32Array
 from mixpinn.base.errors import InputError
+from mixpinn.mesh.cells.tissues import cell_tissues
 from mixpinn.mesh.surfaces.surface import DomainSurfaces
 from mixpinn.records.label_map import LabelMap
 from mixpinn.records.tetrahedra import TETRA_FACES
@@ -23,9 +24,9 @@ def label_mesh(
     """Name the parts of a mesh: every node belongs to exactly one part, every cell to one soft tissue.
 
     A node on the mesh's boundary belongs to the structure whose surface is nearest: the skin, which is soft, or a
-    rigid part. Inner nodes are soft. A cell belongs to the soft tissue that `label_map` has at its centroid. Fixed are
-    the nodes in the region that the body's surface defines, whatever the mesh, and those of rigid parts that the crop
-    has cut.
+    rigid part. Inner nodes are soft. A cell belongs to the soft tissue, or the mixture of two, that `label_map` has in
+    it (`mixpinn.mesh.cells.tissues`). Fixed are the nodes in the region that the body's surface defines, whatever the
+    mesh, and those of rigid parts that the crop has cut.
 
     Args:
         points: [mm], shape (n, 3).
@@ -48,8 +49,9 @@ def label_mesh(
         np.zeros(len(cells), dtype=np.int16),
     )
     if label_map is not None:
+        tissue, names = cell_tissues(points[cells], label_map)
         mesh = replace(
-            mesh, tissue=cell_tissue(points[cells].mean(axis=1), label_map), tissue_names=label_map.soft_names,
+            mesh, tissue=tissue, tissue_names=names,
             world_to_scanner=label_map.world_to_scanner, doubts=label_map.doubts, targets=_targets(label_map),
         )
     held = [] if label_map is None else [
@@ -77,18 +79,6 @@ def nearest_part(points: FloatArray, cells: AnyArray, surfaces: DomainSurfaces) 
         part[boundary[distance < nearest]] = k
         nearest = np.minimum(nearest, distance)
     return part
-
-
-def cell_tissue(centroids: FloatArray, label_map: LabelMap) -> AnyArray:
-    """Index of the soft tissue at each of `centroids` [mm] (m, 3), int16, shape (m,).
-
-    0 is the body, which also counts where the voxel is rigid or outside, as happens next to a curved surface.
-    """
-    inverse = np.linalg.inv(label_map.affine)
-    index = np.rint(centroids @ inverse[:3, :3].T + inverse[:3, 3]).astype(int)
-    index = np.clip(index, 0, np.array(label_map.labels.shape) - 1)
-    label = label_map.labels[tuple(index.T)].astype(np.int16)
-    return np.where((label >= 1) & (label <= len(label_map.soft_names)), label - 1, 0).astype(np.int16)
 
 
 @dataclass(frozen=True)
