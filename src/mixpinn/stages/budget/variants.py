@@ -6,10 +6,12 @@ from functools import partial
 
 import numpy as np
 
+from mixpinn.anatomy.mixture import mixed_parts
 from mixpinn.base.errors import InputError
 from mixpinn.base.sensible import require_settings
 from mixpinn.fem import Material, Scene, StableNeoHookean
 from mixpinn.fem.contact.model import ContactConfig
+from mixpinn.fem.material.mixed import mean_material
 from mixpinn.fem.solve.quasi_static import SolverConfig
 from mixpinn.geometry.probe_pose import PATH_STEP
 from mixpinn.mesh import FixedRegion, fixed_nodes, refine
@@ -188,15 +190,19 @@ def _with_finer_cells(base: Scene, finer: Finer) -> Scene:
 
 
 def _finer_facets(base: Scene, facets: TissueMesh) -> Variant:
-    if facets.rigid_names != base.mesh.rigid_names or facets.tissue_names != base.mesh.tissue_names:
+    known = dict(zip(base.mesh.tissue_names, base.materials, strict=True))
+    # What shares of two tissues cells hold depends on the mesh: of each mixture only the tissues must be known.
+    mixed = [[(share, known.get(part)) for part, share in mixed_parts(name)] for name in facets.tissue_names]
+    if facets.rigid_names != base.mesh.rigid_names or any(law is None for parts in mixed for _, law in parts):
         raise InputError(
             "facets", expected="a mesh of the same anatomy: rigid parts " + ", ".join(base.mesh.rigid_names),
             got=", ".join(facets.rigid_names) or "none", fix="mesh the same label maps with the same parts and tissues",
         )
     mesh = facets.with_order(base.mesh.order)
+    materials = tuple(mean_material([(share, law) for share, law in parts if law is not None]) for parts in mixed)
     return Variant(
-        FACETS, BudgetKind.ERROR, f"{facets.n_points} vertices", partial(replace, base, mesh=mesh), same_vertices=False,
-        note="the cells differ too",
+        FACETS, BudgetKind.ERROR, f"{facets.n_points} vertices", partial(replace, base, mesh=mesh, materials=materials),
+        same_vertices=False, note="the cells differ too",
     )
 
 
