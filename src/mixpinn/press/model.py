@@ -83,6 +83,22 @@ class PosePrediction:
 
 
 @dataclass(frozen=True, eq=False)
+class Touch:
+    """Contact of p probes, before the body is deformed by it.
+
+    Attributes:
+        rotations, translations: of the probes, shapes (p, 3, 3) and (p, 3) [mm].
+        contact: nodes, displacement, forces; its history may be handed to the next call.
+        bent: root mean square of the shift by the Newton step [mm].
+    """
+
+    rotations: FloatArray
+    translations: FloatArray
+    contact: ContactPrediction
+    bent: float
+
+
+@dataclass(frozen=True, eq=False)
 class Uncorrected:
     """A prediction before the learned correction; k coordinates, p probes.
 
@@ -142,15 +158,26 @@ class PoseModel:
             InputError: poses that are no rotations, not finite, or not as many as probes; or that make no sense: from
                 another side of the body than was learned, or far beyond first touch.
         """
+        return self.deform(self.touch(rotations, translations, probes=probes, history=history))
+
+    def touch(
+        self, rotations: AnyArray, translations: AnyArray, *, probes: Sequence[int] | None = None,
+        history: ContactHistory | None = None,
+    ) -> Touch:
+        """The first part of a prediction, contact; arguments and errors of `predict`."""
         chosen = range(len(np.asarray(translations))) if probes is None else probes
         fields = [self.probes[i] for i in chosen]
         turns, places = check_poses(len(fields), rotations, translations)
         self.domain.refuse_nonsense(turns, self.contact.depth(fields, turns, places))
-        base = self.uncorrected(turns, places, probes=chosen, history=history)
+        return self._touch(turns, places, fields, history)
+
+    def deform(self, touch: Touch) -> PosePrediction:
+        """The second part of a prediction, the body under a contact that `touch` found."""
+        base = self._deformed(touch)
         unknowns, wrench = self.corrected(base)
         coordinates = self.hybrid.prior.coordinates
         displacement = coordinates.expand(unknowns)
-        trust = self._trust(base, unknowns, wrench, (turns, places), displacement)
+        trust = self._trust(base, unknowns, wrench, (touch.rotations, touch.translations), displacement)
         return PosePrediction(displacement, unknowns, coordinates.twists(unknowns), wrench, base.contact, trust)
 
     def corrected(self, base: Uncorrected) -> tuple[Float32Array, FloatArray]:
@@ -222,9 +249,15 @@ class PoseModel:
     ) -> Uncorrected:
         """The prediction without what was learned about contact; arguments of `predict`."""
         chosen = range(len(np.asarray(translations))) if probes is None else probes
-        session = self.contact.open([self.probes[i] for i in chosen], rotations, translations, history)
-        prior = self.hybrid.prior
-        readers = self.hybrid.readers
+        fields = [self.probes[i] for i in chosen]
+        return self._deformed(self._touch(*check_poses(len(fields), rotations, translations), fields, history))
+
+    def _touch(
+        self, rotations: FloatArray, translations: FloatArray, fields: Sequence[ProbeField],
+        history: ContactHistory | None,
+    ) -> Touch:
+        """Contact on the body as one Newton step bends it."""
+        session = self.contact.open(fields, rotations, translations, history)
         bent = 0.0
         for _ in range(self.steps):
             if not session.force.any():
@@ -232,7 +265,11 @@ class PoseModel:
             shift = self._shift(session)
             bent = float(np.sqrt((shift**2).sum(axis=1).mean()))
             session = session.shifted(shift)
-        contact = session.outcome()
+        return Touch(rotations, translations, session.outcome(), bent)
+
+    def _deformed(self, touch: Touch) -> Uncorrected:
+        """The body under a contact, as the hybrid model has it."""
+        prior, readers, contact = self.hybrid.prior, self.hybrid.readers, touch.contact
         if not len(contact.nodes):
             still, zero = (np.zeros(size, dtype=np.float32) for size in (prior.coordinates.size, len(readers)))
             return Uncorrected(contact, still, zero, np.tile(zero, (len(contact.wrench), 1)))
@@ -241,7 +278,7 @@ class PoseModel:
         shares = contact.shares.reshape(len(contact.shares), -1).astype(np.float32)
         part = readers[:, rows]
         return Uncorrected(
-            contact, state.unknowns, part @ shares.sum(axis=0), shares @ part.T, bent,
+            contact, state.unknowns, part @ shares.sum(axis=0), shares @ part.T, touch.bent,
             float(np.linalg.norm(state.correction)),
         )
 

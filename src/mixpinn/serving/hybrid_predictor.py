@@ -21,7 +21,7 @@ from mixpinn.serving.contact_input import checked_contact
 from mixpinn.serving.motions import motions_of_field, motions_of_twists
 
 if TYPE_CHECKING:
-    from mixpinn.press.model import PoseModel
+    from mixpinn.press.model import PoseModel, PosePrediction
     from mixpinn.serving.force_depth import DepthForForce
 
 
@@ -182,7 +182,16 @@ class HybridPredictor:
             rotation = probe_rotation(np.broadcast_to(rotation_deg, len(places)), direction)
         turns = np.asarray(rotation, dtype=np.float64).reshape(-1, 3, 3)
         found = model.predict(turns, places, probes=[0] * len(places), history=history)
-        contact, wrench = found.contact, found.wrench if tips.ndim > 1 else found.wrench[0]
+        return self.answer_of(found, alone=tips.ndim == 1)
+
+    def answer_of(self, found: "PosePrediction", *, alone: bool = False) -> Answer:
+        """The answer that a prediction from poses makes.
+
+        Args:
+            found: by `pressing`.
+            alone: of one probe, whose force and moment are (3,) instead of (k, 3).
+        """
+        contact, wrench = found.contact, found.wrench[0] if alone else found.wrench
         return Answer(
             self.mesh, found.displacement, Source.HYBRID_POSE, model=self.name, force=wrench[..., :3],
             moment=wrench[..., 3:], motions=motions_of_twists(self.mesh, found.twists),

@@ -31,15 +31,29 @@ def motions_of_field(mesh: TissueMesh, displacement: AnyArray) -> dict[str, Moti
     return motions
 
 
-def motion_matrices(mesh: TissueMesh, motions: Mapping[str, Motion]) -> FloatArray:
+def centroids(mesh: TissueMesh) -> FloatArray:
+    """Mean of the vertices of each rigid part at rest [mm], shape (K, 3)."""
+    centres = [mesh.points[mesh.part_nodes(k + 1)].mean(axis=0) for k in range(mesh.n_parts)]
+    return np.array(centres, dtype=np.float64).reshape(-1, 3)
+
+
+def motion_matrices(
+    mesh: TissueMesh, motions: Mapping[str, Motion], *, centres: FloatArray | None = None,
+) -> FloatArray:
     """Where each rigid part went, as matrices from its place at rest [mm], shape (K, 4, 4).
 
     x → R (x − c) + c + t, with c the mean of the part's vertices at rest; a part without a motion stays.
+
+    Args:
+        mesh: whose parts they are.
+        motions: by name.
+        centres: what `centroids` found [mm], shape (K, 3); for who asks often.
     """
+    centres = centroids(mesh) if centres is None else centres
     matrices = np.tile(np.eye(4), (mesh.n_parts, 1, 1))
     for k, name in enumerate(mesh.rigid_names):
         if name in motions:
-            motion, centre = motions[name], mesh.points[mesh.part_nodes(k + 1)].mean(axis=0)
+            motion, centre = motions[name], centres[k]
             matrices[k, :3, :3] = motion.rotation
             matrices[k, :3, 3] = centre + motion.translation - motion.rotation @ centre
     return matrices

@@ -51,8 +51,8 @@ def test_friction_remembers_nothing_of_an_answer_that_did_not_converge(pressing,
         ask = session._ask
 
         def unsolved(probes, history):
-            answer, remembered = ask(probes, history)
-            return replace(answer, trust=replace(answer.trust, converged=False)), remembered
+            touch, remembered = ask(probes, history)
+            return replace(touch, contact=replace(touch.contact, converged=False)), remembered
 
         with monkeypatch.context() as hard:
             hard.setattr(session, "_ask", unsolved)
@@ -65,7 +65,7 @@ def test_friction_remembers_nothing_of_an_answer_that_did_not_converge(pressing,
 def test_a_drag_that_cannot_be_followed_is_given_up_for_the_straight_way(pressing, monkeypatch) -> None:
     with LiveSession(pressing) as session:
         session.press(above(x=14.0, depth=4.0))
-        contact = session._hurried.pose.contact
+        contact = session._hurried.contact
         monkeypatch.setattr(contact, "config", replace(contact.config, max_iterations=1))
         found = session.press(above(x=18.0, depth=4.0))
     assert not found.remembered

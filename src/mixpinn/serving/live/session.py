@@ -5,18 +5,16 @@ import logging
 import threading
 import time
 from collections.abc import Callable
-from copy import copy
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from mixpinn.base.arrays import AnyArray
 from mixpinn.base.errors import InputError
 from mixpinn.geometry.probe_pose import ProbePose
 from mixpinn.press.hurried import HurriedContact, LostTrackError
-from mixpinn.press.model import PoseModel
-from mixpinn.press.records import check_poses
+from mixpinn.press.model import PoseModel, Touch
+from mixpinn.press.records import ContactHistory, check_poses
 from mixpinn.records.answer import Answer, Contact, Motion, Source, Trust, discretisation_of
 from mixpinn.serving.hybrid_predictor import HybridPredictor
 from mixpinn.serving.live.recording import Recording
@@ -24,7 +22,7 @@ from mixpinn.serving.live.records import Friction, LiveAnswer, LiveProbe, Refusa
 from mixpinn.serving.live.skin import SkinPlacement
 from mixpinn.serving.live.worker import PressWorker
 from mixpinn.serving.load import AnyPredictor, load_predictor
-from mixpinn.serving.motions import motion_matrices
+from mixpinn.serving.motions import centroids, motion_matrices
 
 logger = logging.getLogger(__name__)
 
@@ -50,7 +48,7 @@ class LiveSession:
     """The state of one body: where its probes are, what friction remembers, and the newest answer.
 
     Poses may come from any thread and at any rate. Of each probe only the newest is kept; a worker answers it when the
-    session has its turn, with all probes pressing at the same time. Listeners are called from the worker's thread.
+    session has its turn, with all probes pressing at the same time. Listeners are called from a thread of the worker.
 
     Attributes:
         predictor: what answers.
@@ -81,10 +79,11 @@ class LiveSession:
         """
         self.predictor = checked_predictor(predictor)
         self._model = self.predictor.pressing
-        self._hurried = copy(self.predictor)
-        self._hurried.pose = replace(self._model, contact=HurriedContact.of(self._model.contact))
+        self._hurried = replace(self._model, contact=HurriedContact.of(self._model.contact))
+        self._centres = centroids(self.predictor.mesh)
         self.skin, self.friction = SkinPlacement(self._model), Friction(friction)
         self._worker, self._owns_worker = worker or PressWorker(), worker is None
+        self._finisher = self._worker.finisher()
         self._changed = threading.Condition()
         self._probes: dict[int, LiveProbe] = {}
         self._dirty, self._closed, self._forget = False, False, False
@@ -92,7 +91,7 @@ class LiveSession:
         self._newest: LiveAnswer | None = None
         self._last: LiveAnswer | Refusal | None = None
         self._last_asked, self._next_id, self._sequence = 0.0, 1, 0
-        self._history: tuple[tuple[LiveProbe, ...], object] | None = None
+        self._history: tuple[tuple[LiveProbe, ...], ContactHistory] | None = None
         self._recording: Recording | None = None
         self._began = time.perf_counter()
 
@@ -233,13 +232,28 @@ class LiveSession:
                 self._history, self._forget = None, False
             self._sequence += 1
             sequence = self._sequence
-        found: LiveAnswer | Refusal
+        began = time.perf_counter()
+        asked = max((probe.asked for probe in probes), default=began)
+        touch: tuple[Touch, bool] | None = None
+        failed: Exception | None = None
         try:
-            found = self._answer(probes, sequence)
+            touch = self._touch(probes)
         except Exception as error:  # an error that nobody foresaw must not end the thread that serves all others
-            newest = max(probes, key=lambda probe: probe.asked, default=None)
-            self._history, found = None, Refusal(0 if newest is None else newest.pose_id, _as_refusal(error))
-        self._deliver(found, max((probe.asked for probe in probes), default=time.perf_counter()))
+            self._history, failed = None, error
+        taken = time.perf_counter() - began
+
+        def finish() -> None:
+            found: LiveAnswer | Refusal
+            try:
+                if failed is not None:
+                    raise failed
+                found = self._answer(probes, touch, sequence, taken)
+            except Exception as error:
+                newest = max(probes, key=lambda probe: probe.asked, default=None)
+                found = Refusal(0 if newest is None else newest.pose_id, _as_refusal(error))
+            self._deliver(found, asked)
+
+        self._finisher.do(finish)
         with self._changed:
             return self._dirty and not self._closed
 
@@ -257,36 +271,47 @@ class LiveSession:
         for listener in listeners:
             listener(found)
 
-    def _answer(self, probes: tuple[LiveProbe, ...], sequence: int) -> LiveAnswer:
+    def _answer(
+        self, probes: tuple[LiveProbe, ...], touch: tuple[Touch, bool] | None, sequence: int, taken: float,
+    ) -> LiveAnswer:
+        """The second part of an answer: the body under a contact, which took `taken` seconds."""
         began = time.perf_counter()
-        if not probes:
-            self._history = None
+        if touch is None:
             answer, remembered = untouched(self._model, self.predictor.name), False
         else:
-            answer, remembered = self._ask(probes, self._usable_history(probes))
-            # Where contact did not converge nobody knows where the skin was gripped: the next answer comes straight.
-            self._history = (probes, answer.history) if _converged(answer) else None
-        depths = self._depths(probes)
-        matrices = motion_matrices(self._model.hybrid.mesh, answer.motions)
-        placed = tuple(replace(probe, depth=float(d)) for probe, d in zip(probes, depths, strict=True))
+            contact, remembered = touch
+            answer = self.predictor.answer_of(self._model.deform(contact))
+            probes = tuple(
+                replace(probe, depth=float(depth))
+                for probe, depth in zip(probes, contact.contact.depths, strict=True)
+            )
+        matrices = motion_matrices(self.predictor.mesh, answer.motions, centres=self._centres)
         done = time.perf_counter()
-        return LiveAnswer(sequence, placed, answer, matrices, done - self._began, done - began, remembered)
+        return LiveAnswer(sequence, probes, answer, matrices, done - self._began, taken + done - began, remembered)
 
-    def _ask(self, probes: tuple[LiveProbe, ...], history: object | None) -> tuple[Answer, bool]:
-        """The answer, and whether friction remembered the way.
+    def _touch(self, probes: tuple[LiveProbe, ...]) -> tuple[Touch, bool] | None:
+        """The first part of an answer, contact, and whether friction remembered the way; None without probes."""
+        if not probes:
+            self._history = None
+            return None
+        touch, remembered = self._ask(probes, self._usable_history(probes))
+        # Where contact did not converge nobody knows where the skin was gripped: the next answer comes straight.
+        self._history = (probes, touch.contact.history) if touch.contact.converged else None
+        return touch, remembered
 
-        A drag that cannot be followed is given up soon, for the straight way down; that one is as patient as ever.
-        """
+    def _ask(self, probes: tuple[LiveProbe, ...], history: ContactHistory | None) -> tuple[Touch, bool]:
+        """A drag that cannot be followed is given up soon, for the straight way down; that is as patient as ever."""
         tips = np.array([probe.pose.translation for probe in probes])
         rotations = np.array([probe.pose.rotation for probe in probes])
+        chosen = [0] * len(probes)
         if history is not None:
             with contextlib.suppress(LostTrackError):
-                answer = self._hurried.press(tips, rotation=rotations, history=history)
-                if _converged(answer):
-                    return answer, True
-        return self.predictor.press(tips, rotation=rotations), False
+                touch = self._hurried.touch(rotations, tips, probes=chosen, history=history)
+                if touch.contact.converged:
+                    return touch, True
+        return self._model.touch(rotations, tips, probes=chosen), False
 
-    def _usable_history(self, probes: tuple[LiveProbe, ...]) -> object | None:
+    def _usable_history(self, probes: tuple[LiveProbe, ...]) -> ContactHistory | None:
         """What friction remembers, unless other probes press now or one jumped."""
         if self._history is None or self.friction is not Friction.REMEMBERED:
             return None
@@ -300,20 +325,9 @@ class LiveSession:
                 return None
         return history
 
-    def _depths(self, probes: tuple[LiveProbe, ...]) -> AnyArray:
-        if not probes:
-            return np.zeros(0)
-        rotations = np.array([probe.pose.rotation for probe in probes])
-        translations = np.array([probe.pose.translation for probe in probes])
-        return self._model.contact.depth([self._model.probes[0]] * len(probes), rotations, translations)
-
     def _refuse_closed(self) -> None:
         if self._closed:
             raise _closed()
-
-
-def _converged(answer: Answer) -> bool:
-    return answer.trust is not None and answer.trust.converged
 
 
 def checked_predictor(predictor: AnyPredictor) -> HybridPredictor:

@@ -3,6 +3,7 @@
 import logging
 import threading
 from collections import deque
+from collections.abc import Callable
 from typing import Protocol
 
 logger = logging.getLogger(__name__)
@@ -15,8 +16,54 @@ class Waiting(Protocol):
         """Answer the newest poses; whether newer ones have come meanwhile."""
 
 
+class Finisher:
+    """A thread that does one thing at a time: whoever brings the next one waits until the last is done."""
+
+    def __init__(self, name: str) -> None:
+        """Start."""
+        self._changed = threading.Condition()
+        self._task: Callable[[], None] | None = None
+        self._closed = False
+        self._thread = threading.Thread(target=self._serve, name=name, daemon=True)
+        self._thread.start()
+
+    def do(self, task: Callable[[], None]) -> None:
+        """Have it done; returns when it begins, or at once where this was closed."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._task is None or self._closed)
+            if not self._closed:
+                self._task = task
+                self._changed.notify_all()
+
+    def close(self) -> None:
+        """Stop after what is being done now."""
+        with self._changed:
+            self._closed = True
+            self._changed.notify_all()
+        if self._thread is not threading.current_thread():
+            self._thread.join()
+
+    def _serve(self) -> None:
+        while True:
+            with self._changed:
+                self._changed.wait_for(lambda: self._task is not None or self._closed)
+                task = self._task
+            if self._closed or task is None:
+                return
+            try:
+                task()
+            except Exception:  # one session's fault, a listener's say, is not to silence all others
+                logger.exception("a live session failed to finish an answer")
+            with self._changed:
+                self._task = None
+                self._changed.notify_all()
+
+
 class PressWorker:
     """Serves sessions in turn.
+
+    An answer has two parts: contact, for which sessions stand in line here, and the body under it, which a `Finisher`
+    computes while the next contact is being solved already.
 
     A session stands in the line at most once, however many poses came, and no two threads serve it at the same time.
     Whoever has been served stands behind all others that wait: none holds up another for longer than one answer.
@@ -36,8 +83,16 @@ class PressWorker:
         self._threads = [
             threading.Thread(target=self._serve, name=f"mixpinn-press-{i}", daemon=True) for i in range(threads)
         ]
+        self._finishers = [Finisher(f"mixpinn-finish-{i}") for i in range(threads)]
+        self._sessions = 0
         for thread in self._threads:
             thread.start()
+
+    def finisher(self) -> Finisher:
+        """For a new session: its answers are finished by the same thread, one after another."""
+        with self._changed:
+            self._sessions += 1
+            return self._finishers[self._sessions % len(self._finishers)]
 
     def wake(self, session: Waiting) -> None:
         """Give `session` a turn; nothing happens where it already waits or is being served."""
@@ -57,6 +112,8 @@ class PressWorker:
             self._closed = True
             self._line.clear()
             self._changed.notify_all()
+        for finisher in self._finishers:
+            finisher.close()
         for thread in self._threads:
             if thread is not threading.current_thread():
                 thread.join()
