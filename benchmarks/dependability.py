@@ -11,8 +11,9 @@ JSON object:
   not a number), and those of them that were answered without a word;
 - ``thread_differences``: answers of several threads that differ from those of one;
 - ``bound_coverage``, ``bound_sharpness``: share of unseen samples whose errors (field, force, motion) keep their
-  bounds, and the median bound relative to the median error; ``pose_mee``, ``pose_mee_max``: on these samples. They
-  need the store that the bundle was made from (beside it, or ``--store``).
+  bounds, and the median bound relative to the median error; ``pose_mee``, ``pose_mee_max``: on these samples;
+  ``flagged``: how many of them are answered with a warning, and ``sound_pose_mee``, ``sound_pose_mee_max`` without
+  these. They need the store that the bundle was made from (beside it, or ``--store``).
 
 ``--confirm`` repeats each jump and dip with the full solver (``confirmed_jumps``, ``confirmed_dips``).
 """
@@ -169,17 +170,20 @@ def bounds(model: "PoseModel", table: "SampleTable") -> dict[str, Any]:
     """Errors of unseen samples against the bounds that go with the answers."""
     from mixpinn.press.fit import pose_errors
 
-    coordinates, errors, told = model.hybrid.prior.coordinates, [], []
+    coordinates, errors, told, sound = model.hybrid.prior.coordinates, [], [], []
     for i in range(len(table)):
         found = model.predict(table.probe_rotation[i][None], table.probe_translation[i][None])
         trust = found.trust
         truth = coordinates.project(table.displacement[i])
         errors.append(pose_errors(coordinates, found.unknowns, found.wrench[0], truth, table.probe_wrench[i]))
         told.append([trust.bound, trust.force_bound, trust.motion_bound])
+        sound.append(trust.sound)
     error, bound = np.array(errors), np.array(told, dtype=np.float64)
     names = ("field", "force", "motion")
     return {
-        "samples": len(table), "pose_mee": float(error[:, 0].mean()), "pose_mee_max": float(error[:, 0].max()),
+        "samples": len(table), "flagged": len(sound) - sum(sound),
+        "sound_pose_mee": float(error[sound, 0].mean()), "sound_pose_mee_max": float(error[sound, 0].max()),
+        "pose_mee": float(error[:, 0].mean()), "pose_mee_max": float(error[:, 0].max()),
         "bound_coverage": dict(zip(names, (error <= bound).mean(axis=0).tolist(), strict=True)),
         "bound_sharpness": dict(
             zip(names, (np.median(bound, axis=0) / np.median(error, axis=0)).tolist(), strict=True),
@@ -222,7 +226,11 @@ def full_scene(bundle: Path) -> Any:
     from mixpinn.geometry.probe_shapes import linear_probe
 
     store = SimulationStore.open(bundle.parent / "simulation" / "store")
-    return Scene(store.mesh(), store.probe() or linear_probe(), store.materials(), store.contact())
+    tied = store.restraints()
+    return Scene(
+        store.mesh(), store.probe() or linear_probe(), store.materials(), store.contact(), joints=tied.joints,
+        foundations=tied.foundations, membrane=tied.membrane,
+    )
 
 
 def measure(options: argparse.Namespace) -> dict[str, Any]:

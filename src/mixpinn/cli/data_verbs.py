@@ -112,6 +112,24 @@ def simulate(
 
 
 @app.command()
+def inspect(
+    source: Annotated[Path, typer.Argument(help="Folder that 'mixpinn simulate' wrote.")],
+    out: Annotated[Path | None, typer.Option("--out", "-o", help="Also as JSON, every step and cell.")] = None,
+) -> None:
+    """Steps that did not converge, and det F of the others, with each cell that is turned inside out."""
+    from mixpinn.dataset import SimulationStore
+    from mixpinn.dataset.inspection import inspect_store
+    from mixpinn.face import simulations_folder
+
+    found = inspect_store(SimulationStore.open(simulations_folder(source)))
+    say(found.markdown())
+    if out is not None:
+        found.save(out)
+    if found.unconverged or found.non_positive:
+        warn(f"{len(found.unconverged)} steps did not converge, {len(found.non_positive)} times det F ≤ 0 in a cell")
+
+
+@app.command()
 def dataset(
     source: Annotated[Path, typer.Argument(help="Folder that 'mixpinn simulate' wrote.")],
     split_file: options.SplitFile = None,
