@@ -1,19 +1,16 @@
 """The command line: one verb a stage, each a few lines that call the stage's public function."""
 
-import atexit
-import contextlib
 import logging
 import signal
 import sys
 import warnings
-from types import FrameType
 from typing import Any
+
+from mixpinn.cli.stopping import exit_code, hear_signals
 
 __all__ = ["app", "main"]
 
 _INTERRUPTED = 128 + signal.SIGINT
-_stopped_by = [signal.SIGINT]
-"""The signal that stops this process, for its exit code."""
 
 
 def __getattr__(name: str) -> Any:
@@ -30,13 +27,11 @@ def main() -> None:
     if not sys.warnoptions:
         warnings.simplefilter("ignore")
     _print_on_any_terminal()
-    with contextlib.suppress(ValueError):  # not the main thread: whoever started it handles its signals
-        signal.signal(signal.SIGTERM, _terminate)
-        atexit.register(_hear_no_more)
+    hear_signals()
     try:
         _run()
     except KeyboardInterrupt:
-        _leave("stopped; the same command goes on from here", 128 + _stopped_by[0])
+        _leave("stopped; the same command goes on from here", exit_code())
 
 
 def _run() -> None:
@@ -67,17 +62,6 @@ def _application() -> Any:
     from mixpinn.cli.data_verbs import app
 
     return app
-
-
-def _terminate(number: int, frame: FrameType | None) -> None:
-    _stopped_by[0] = signal.Signals(number)
-    raise KeyboardInterrupt
-
-
-def _hear_no_more() -> None:
-    """Everything is done by now, and Python would answer a signal by itself, with a traceback."""
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, signal.SIG_IGN)
 
 
 def _print_on_any_terminal() -> None:

@@ -155,8 +155,6 @@ def solve_kept(
     """
     tip = press.tip(scene, depth)
     path = folder / f"{scene.hash()}-{'_'.join(f'{value:.3f}' for value in tip)}.npz"
-    if path.is_file():
-        return Found.load(path)
-    found = Found.of(solve_pose(scene, tip, press.rotation), mesh, same_vertices=same_vertices)
-    found.save(path)
-    return found
+    if not path.is_file():
+        Found.of(solve_pose(scene, tip, press.rotation), mesh, same_vertices=same_vertices).save(path)
+    return Found.load(path)  # in the precision that is kept, so that a later run comes to the same
