@@ -28,6 +28,7 @@ ELSEWHERE = nrrd().replace(b"raw\n", b"raw\ndata file: " + b"a" * 5000 + b"\n")
 HISTORY = b"\x09epoch,train_loss,validation_loss,learning_rate,seconds\n"
 FOUND = {
     "directions for fewer axes": ("labels", b"\x02" + LAYERS),
+    "no dimension": ("labels", b"\x02NRRD0004\ndimension: 0\nsizes:\n\n"),
     "extents that are no numbers": ("labels", b"\x03" + metaimage("nan 9 9")),
     "a unit that no header has": ("labels", b"\x00" + with_unit(7)),
     "a name longer than any file's": ("labels", b"\x03" + metaimage().replace(b"LOCAL", b"a" * 5000)),

@@ -46,7 +46,7 @@ def read_nrrd(path: Path) -> LabelImage:
         sizes = [int(word) for word in _field(path, fields, "sizes").split()]
     except ValueError as error:
         raise _bad(path, "numbers as 'sizes'", fields["sizes"][:60]) from error
-    if len(sizes) != dimension or min(sizes) < 1 or dimension not in (3, 4):
+    if dimension not in (3, 4) or len(sizes) != dimension or min(sizes) < 1:
         raise _bad(path, "three dimensions (and one of layers)", f"sizes {sizes}")
     vectors = _vectors(path, fields)
     layered = dimension == 4
