@@ -26,7 +26,12 @@ def joint(**entries):
 LAYERS = nrrd("1 9 9 9").replace(b"dimension: 3", b"dimension: 4").replace(b"(5,0,0)", b"")
 ELSEWHERE = nrrd().replace(b"raw\n", b"raw\ndata file: " + b"a" * 5000 + b"\n")
 HISTORY = b"\x09epoch,train_loss,validation_loss,learning_rate,seconds\n"
+NO_MODES = json.dumps({"about": None, "arrays": {
+    "coupling": ["float32", [0, 48]], "duals": ["float32", [0, 126]], "gain": ["float32", [5, 0]],
+    "modes": ["float32", [0, 126]], "readers": ["float32", [0, 48]],
+}}).encode()
 FOUND = {
+    "a regression on features that there are none of": ("bundles", b"\x07" + NO_MODES),
     "directions for fewer axes": ("labels", b"\x02" + LAYERS),
     "no dimension": ("labels", b"\x02NRRD0004\ndimension: 0\nsizes:\n\n"),
     "extents that are no numbers": ("labels", b"\x03" + metaimage("nan 9 9")),

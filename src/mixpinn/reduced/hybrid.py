@@ -244,7 +244,7 @@ def _checked(arrays: Mapping[str, AnyArray], prior: ElasticPrior, where: str) ->
         spec.check(arrays[name], f"{where}: {name}", extents=extents, remake=BUNDLE.remake)
     modes, coordinates = extents["modes"], extents["coordinates"]
     wanted = modes + coordinates + coordinates * (coordinates + 1) // 2
-    if modes and extents["features"] != wanted:
+    if extents["features"] != wanted:
         raise InputError(
             f"{where}: gain", expected=f"{wanted} rows, one a feature", got=str(extents["features"]), fix=BUNDLE.remake,
         )
