@@ -1,5 +1,7 @@
 """Which bones are rigid parts: names, target, what the crop leaves, a sacrum in two labels."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -71,6 +73,11 @@ def test_the_crop_follows_the_target_and_says_what_becomes_of_each_bone() -> Non
     assert "left out" in told["rib_left_12"]
     assert told["vertebrae_S1"] == "rigid: a bone inside the crop"
     assert "held" in told["vertebrae_T12"]
+    top = segmentation()
+    top = replace(top, rigid=tuple(part for part in top.rigid if part.name != "sacrum"))
+    (note,) = (note for note in crop(top, above=30.0, below=60.0).notes if note.structure == "vertebrae_S1")
+    assert "top of a sacrum that is not among the maps" in note.detail
+    assert note.lasting
     again = crop(cropped, above=30.0, below=60.0)
     assert again.cut == cropped.cut
     assert again.notes == cropped.notes

@@ -88,6 +88,7 @@ def clip_bones(segmentation: Segmentation, low: float, high: float) -> Segmentat
     cut = list(segmentation.cut)
     spine = int(np.abs(segmentation.affine[2, :3] / segmentation.spacing).argmax())
     volume = float(np.prod(segmentation.spacing))
+    whole_sacrum = any(part.name.lower() == "sacrum" for part in segmentation.rigid)
     for part in segmentation.rigid:
         if part.name in segmentation.targets:
             kept.append(part)
@@ -107,6 +108,8 @@ def clip_bones(segmentation: Segmentation, low: float, high: float) -> Segmentat
             else:
                 kept.append(left)
                 text = "rigid: a bone inside the crop"
+                if part.name.lower() == "vertebrae_s1" and not whole_sacrum:
+                    text = "rigid, the top of a sacrum that is not among the maps: it is free to move (--hold holds it)"
                 if lost or at_end:
                     cut.append(part.name)
                     what = f"{lost / part.n_voxels:.0%} of it lie outside of the crop" if lost else (
