@@ -127,7 +127,7 @@ def test_the_full_solution_is_that_of_the_solver(client, predictor) -> None:
     client.say("compare")
     said = client.wait_for_message("comparison", "error", timeout=120.0)
     assert said["type"] == "comparison", said
-    solved = solve_fully(Setup.of_predictor(predictor, pose))
+    solved = solve_fully(Setup.of_predictor(predictor, [pose]))
     assert_allclose(said["force"]["full"], solved.force, atol=1e-6)
     apart = np.linalg.norm(frame.displacement - solved.displacement, axis=1)
     assert said["mean"] == pytest.approx(apart.mean(), rel=1e-3)

@@ -149,19 +149,16 @@ class ClientOrders:
 
     def _compare(self, order: Order) -> None:
         newest = self._session.newest
-        if newest is None or len(newest.probes) != 1:
-            count = 0 if newest is None else len(newest.probes)
-            raise InputError(
-                "compare", expected="one probe, which is what the full solution knows", got=str(count),
-                fix="press with one probe",
-            )
+        if newest is None:
+            raise InputError("compare", expected="a probe", got="none", fix="press first")
+        setup = Setup.of_predictor(self._service.predictor, [probe.pose for probe in newest.probes])
         if not self._service.comparing.acquire(blocking=False):
             self._client.tell(error_message(InputError(
                 "compare", expected="one full solution at a time", got="another one that is running",
                 fix="wait for it, or cancel it",
             ), ErrorCode.BUSY))
             return
-        began, probe = time.perf_counter(), newest.probes[0]
+        began = time.perf_counter()
 
         def progress(done: int, of: int) -> None:
             self._client.tell({"type": "progress", "done": done, "of": of, "seconds": time.perf_counter() - began})
@@ -176,9 +173,7 @@ class ClientOrders:
                 self._service.comparing.release()
 
         try:
-            self._solution = FullSolution(
-                Setup.of_predictor(self._service.predictor, probe.pose), progress=progress, finished=finished,
-            )
+            self._solution = FullSolution(setup, progress=progress, finished=finished)
         except BaseException:
             self._service.comparing.release()
             raise
@@ -192,8 +187,10 @@ class ClientOrders:
         if isinstance(found, MixpinnError):
             raise found
         # Both came straight: what friction remembers of the drag is no part of the difference.
-        probe, began = newest.probes[0], time.perf_counter()
-        mine = self._service.predictor.press(probe.pose.translation, rotation=probe.pose.rotation)
+        poses, began = [probe.pose for probe in newest.probes], time.perf_counter()
+        mine = self._service.predictor.press(
+            np.array([pose.translation for pose in poses]), rotation=np.array([pose.rotation for pose in poses]),
+        )
         model_ms = 1e3 * (time.perf_counter() - began)
         apart = np.linalg.norm(mine.displacement - found.displacement[: len(mine.displacement)], axis=1)
         assert found.force is not None
@@ -204,7 +201,9 @@ class ClientOrders:
         ), Kind.FULL_SOLUTION)
         self._client.tell({
             "type": "comparison", "id": newest.pose_id, "mean": float(apart.mean()), "largest": float(apart.max()),
-            "force": {"full": found.force.tolist(), "model": mine.force.tolist()}, "seconds": seconds,
+            "force": {
+                "full": found.force.reshape(-1, 3).sum(axis=0).tolist(), "model": mine.force.sum(axis=0).tolist(),
+            }, "seconds": seconds,
             "model_ms": model_ms, "converged": found.trust is None or found.trust.converged,
             "discretisation": found.discretisation,
         })

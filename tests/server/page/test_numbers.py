@@ -148,7 +148,7 @@ def test_the_full_solution_beside_the_model(straight, predictor, monkeypatch) ->
     straight.page.locator("#compare").click()
     straight.wait("document.getElementById('compared').textContent.startsWith('Difference')", seconds=60.0)
     tips, rotations = straight.poses()
-    full = solve_fully(Setup.of_predictor(predictor, ProbePose(rotations[0], tips[0])))
+    full = solve_fully(Setup.of_predictor(predictor, [ProbePose(rotations[0], tips[0])]))
     difference = np.linalg.norm(full.displacement - answer.displacement, axis=1)
     lines = straight.text("compared").splitlines()
     words = lines[0].replace(",", "").split()
@@ -162,6 +162,25 @@ def test_the_full_solution_beside_the_model(straight, predictor, monkeypatch) ->
     assert_allclose(straight.value("Array.from(m.stage.values)"), difference[skin], atol=2.5e-3)
     straight.set_slider("depth", 2)  # another pose: nothing is known of its difference
     assert straight.page.locator("#colour").input_value() == "displacement"
+
+
+def test_two_probes_are_compared_where_they_press_in_the_same_direction(straight, predictor, monkeypatch) -> None:
+    monkeypatch.setattr("mixpinn.server.orders.FullSolution", InThread)
+    straight.set_slider("depth", 1.5)
+    straight.tick("second", True)
+    straight.set_slider("depth", 1)
+    straight.set_slider("tilt-right", 5)
+    straight.page.locator("#compare").click()
+    straight.wait("document.getElementById('compared').textContent.includes('same direction')")
+    straight.page.locator("#straight").click()
+    straight.settle()
+    straight.page.locator("#compare").click()
+    straight.wait("document.getElementById('compared').textContent.startsWith('Difference')", seconds=60.0)
+    tips, rotations = straight.poses()
+    full = solve_fully(Setup.of_predictor(predictor, [ProbePose(*pose) for pose in zip(rotations, tips, strict=True)]))
+    words = straight.text("compared").splitlines()[1].replace(",", "").split()
+    assert_allclose(float(words[1]), np.linalg.norm(full.force.sum(axis=0)), atol=TWO)
+    assert_allclose(float(words[4]), np.linalg.norm(asked(predictor, straight).force.sum(axis=0)), atol=TWO)
 
 
 def test_a_comparison_goes_on_while_the_probe_moves_and_says_that_it_has(straight, monkeypatch) -> None:

@@ -1,10 +1,15 @@
-"""FullSolution: the solver beside a live session, in a process of its own, to hold an answer against."""
+"""FullSolution: the solver beside a live session, in a process of its own, to hold an answer against.
+
+The solver knows one rigid probe. Several that press in the same direction are one: their surfaces, placed as they end,
+move along that direction together. A probe that is to touch later than another then waits above the skin, as it does in
+the model.
+"""
 
 import contextlib
 import multiprocessing
 import os
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from multiprocessing.connection import Connection
 from typing import Any
@@ -20,18 +25,20 @@ from mixpinn.records.answer import Answer
 from mixpinn.serving.hybrid_predictor import HybridPredictor
 
 _NICE = 10
+_SAME_DIRECTION = 0.5
+"""Probes whose axes differ by less press in the same direction [degree]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Setup:
-    """What the solver needs to know of a bundle, and the pose.
+    """What the solver needs to know of a bundle, and the poses of k probes.
 
     Attributes:
         mesh: of the bundle.
         mu, lam: Lamé constants of each tissue [MPa].
-        points, triangles: the probe's surface [mm].
+        points, triangles: the surface of one probe [mm].
         gap, friction: of contact [mm].
-        pose: of the probe.
+        poses: of the probes.
         restraints: joints and foundations.
     """
 
@@ -42,18 +49,36 @@ class Setup:
     triangles: Any
     gap: float
     friction: float
-    pose: ProbePose
+    poses: tuple[ProbePose, ...]
     restraints: Restraints = FREE
 
     @staticmethod
-    def of_predictor(predictor: HybridPredictor, pose: ProbePose) -> "Setup":
-        """The bundle's scene with its first probe at a pose."""
+    def of_predictor(predictor: HybridPredictor, poses: Sequence[ProbePose]) -> "Setup":
+        """The bundle's scene with its first probe at each of the poses.
+
+        Raises:
+            InputError: no pose, or probes that press in different directions.
+        """
+        if not poses:
+            raise InputError("compare", expected="a probe", got="none", fix="press first")
+        cosine = min(float(pose.axis @ poses[0].axis) for pose in poses)
+        if cosine < np.cos(np.deg2rad(_SAME_DIRECTION)):
+            angle = np.rad2deg(np.arccos(np.clip(cosine, -1.0, 1.0)))
+            raise InputError(
+                "compare", expected="probes that press in the same direction", got=f"{angle:.0f}° between them",
+                fix="straighten them, or press with one probe",
+            )
         model, equilibrium = predictor.pressing, predictor.model.newton.equilibrium
         probe, config = model.probes[0].probe, model.contact.config
         return Setup(
             predictor.mesh, tuple(map(float, equilibrium.mu)), tuple(map(float, equilibrium.lam)), probe.points,
-            probe.triangles, config.gap, config.friction, pose, predictor.model.prior.restraints,
+            probe.triangles, config.gap, config.friction, tuple(poses), predictor.model.prior.restraints,
         )
+
+    @property
+    def places(self) -> list[FloatArray]:
+        """The vertices of each probe where it ends, world [mm]."""
+        return [self.points @ pose.rotation.T + pose.translation for pose in self.poses]
 
 
 class FullSolution:
@@ -115,7 +140,7 @@ class FullSolution:
 
 
 def solve_fully(setup: Setup, on_step: Callable[[int, int], None] | None = None) -> Answer:
-    """The full solution in this process. Imports the solver.
+    """The full solution in this process; force and moment are (3,) of one probe and (k, 3) of more. Imports the solver.
 
     Args:
         setup: what is pressed with what, and where to.
@@ -125,13 +150,35 @@ def solve_fully(setup: Setup, on_step: Callable[[int, int], None] | None = None)
     from mixpinn.fem.solve.pose import solve_pose
     from mixpinn.records import Probe
 
+    first = setup.poses[0]
+    points = np.concatenate([(place - first.translation) @ first.rotation for place in setup.places])
+    shift = len(setup.points) * np.arange(len(setup.poses))
+    triangles = np.concatenate([np.asarray(setup.triangles) + start for start in shift])
     scene = Scene(
-        setup.mesh, Probe(np.asarray(setup.points), np.asarray(setup.triangles)),
+        setup.mesh, Probe(points, triangles),
         tuple(StableNeoHookean(mu=mu, lam=lam) for mu, lam in zip(setup.mu, setup.lam, strict=True)),
         ContactConfig(gap=setup.gap, friction=setup.friction), joints=setup.restraints.joints,
         foundations=setup.restraints.foundations, membrane=setup.restraints.membrane,
     )
-    return solve_pose(scene, setup.pose.translation, setup.pose.rotation, on_step=on_step)
+    found = solve_pose(scene, first.translation, first.rotation, on_step=on_step)
+    return found if len(setup.poses) == 1 else _shared(found, setup)
+
+
+def _shared(found: Answer, setup: Setup) -> Answer:
+    """With force and moment of each probe, (k, 3): a node is pressed by the probe that is nearest to it."""
+    assert found.contact is not None
+    assert found.contact.forces is not None
+    nodes, force = found.contact.nodes, -np.asarray(found.contact.forces, dtype=np.float64)
+    where = found.mesh.node_points[nodes] + found.displacement[nodes]
+    distance = np.array([
+        np.linalg.norm(where[:, None] - place, axis=2).min(axis=1, initial=np.inf) for place in setup.places
+    ])
+    own = distance.argmin(axis=0)[:, None] == np.arange(len(setup.poses))
+    moments = [np.cross(where - pose.translation, force) for pose in setup.poses]
+    return replace(
+        found, force=own.T.astype(np.float64) @ force,
+        moment=np.array([moment[mine].sum(axis=0) for moment, mine in zip(moments, own.T, strict=True)]),
+    )
 
 
 def _solve(setup: Setup, connection: "Connection[Any, Any]") -> None:
