@@ -1,5 +1,7 @@
 """What a budget says of any answer."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,7 +12,10 @@ from training.toy_block import block_mesh
 
 
 def budget(discretisation="linear tetrahedra"):
-    entry = BudgetEntry("discretisation", BudgetKind.ERROR, "linear → quadratic", 4.0, -0.4, {"L1": 0.5}, 0.1, 2, "So.")
+    entry = BudgetEntry(
+        "discretisation", BudgetKind.ERROR, "linear → quadratic", 4.0, -0.4, {"L1": 0.5}, 0.1, 2, "So.",
+        motion_share=0.25,
+    )
     return ErrorBudget(
         "Toy", discretisation, 10.0, ((0.0, 1.0, 2.0), (1.0, 1.0, 2.0)), 10.0, {"L1": 2.0, "L2": 0.1}, (entry,), 4.0,
         {"L1": 0.5, "L2": 0.09}, "When the probe presses.", True,
@@ -25,8 +30,11 @@ def test_saved_and_loaded_it_is_the_same(tmp_path):
         ErrorBudget.load(tmp_path / "budget.json")
 
 
-def test_the_total_is_relative_to_force_and_largest_motion():
+def test_shares_of_errors_add_up_by_their_squares():
     assert budget().total == TotalError(0.4, 0.25, 10.0, 2)
+    twice = replace(budget(), entries=2 * budget().entries)
+    assert twice.total.force == pytest.approx(0.4 * 2**0.5)
+    assert twice.total.motion == pytest.approx(0.25 * 2**0.5)
 
 
 def test_one_line_scales_with_the_answer():

@@ -52,7 +52,7 @@ def _table(title: str, entries: list[BudgetEntry], budget: ErrorBudget) -> Table
     if entries and entries[0].kind is BudgetKind.ERROR:
         rows.append((
             "all of them", "root of the sum of squares", _round(budget.total_force, 2),
-            _percent(budget.total_force / budget.force if budget.force else None),
+            _percent(budget.total.force),
             *(_round(budget.total_motions.get(name), 3) for name in names), None,
         ))
     return Table(title, (

@@ -1,5 +1,6 @@
 """ErrorBudget: how far answers about one patient are from the converged solution, and what decides them besides."""
 
+import math
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
@@ -34,6 +35,7 @@ class BudgetEntry:
         solved: poses that were compared.
         sentence: what it means, for a reader who presses backs and not equations.
         note: what a reader must know beside the figures.
+        motion_share: largest change of a motion over the poses, relative to the largest motion of its pose.
     """
 
     source: str
@@ -46,6 +48,7 @@ class BudgetEntry:
     solved: int
     sentence: str
     note: str = ""
+    motion_share: float = 0.0
 
     @property
     def motion(self) -> float:
@@ -86,10 +89,10 @@ class ErrorBudget:
     @property
     def total(self) -> "TotalError":
         """What it says of any answer of the bundle."""
-        most = max(self.motions, key=lambda name: self.motions[name], default="")
+        errors = [entry for entry in self.entries if entry.kind is BudgetKind.ERROR]
         return TotalError(
-            self.total_force / max(self.force, 1e-9),
-            self.total_motions[most] / max(self.motions[most], 1e-9) if most else 0.0, self.depth, len(self.tips),
+            math.sqrt(sum((entry.force_share or 0.0) ** 2 for entry in errors)),
+            math.sqrt(sum(entry.motion_share**2 for entry in errors)), self.depth, len(self.tips),
         )
 
     def save(self, path: Path | str) -> None:
@@ -110,11 +113,12 @@ class ErrorBudget:
 class TotalError:
     """How far answers of a bundle may be from the converged solution, relative to what they say.
 
-    The budget knows it at its presses; other answers are taken to be off in the same proportion.
+    The budget knows it at its presses; other answers are taken to be off in the same proportion. Each share is the
+    root of the sum of the squares of the errors' shares, of each the largest over the presses.
 
     Attributes:
         force: of the force on the probe, relative.
-        motion: of the motion of the part that moves most, relative.
+        motion: of the motions of rigid parts, relative to that of the part that moves most.
         depth: of the budget's presses [mm].
         presses: how many these are.
     """

@@ -173,6 +173,7 @@ def test_the_larger_of_two_ends_counts(predictor):
     assert (entry.force, entry.force_share) == pytest.approx((2.0, 0.2))
     assert entry.motions == pytest.approx({"L1": 0.1, "L2": 0.1})
     assert entry.field == pytest.approx(np.sqrt(3.0))
+    assert entry.motion_share > 1e6  # nothing moved before
     assert "1 of 2" in entry.note
 
 

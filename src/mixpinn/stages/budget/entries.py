@@ -1,6 +1,7 @@
 """Entries of an error budget, and the sentences that say what they mean."""
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -50,11 +51,15 @@ def entry_of(
         float(np.linalg.norm(after.field - before.field, axis=1).mean()) for before, after in pairs if len(after.field)
     ]
     motions = {name: float(value) for name, value in zip(mesh.rigid_names, moved, strict=True)}
+    motion_share = max(
+        float(np.linalg.norm(after.translations - before.translations, axis=1).max(initial=0.0))
+        / max(float(np.linalg.norm(before.translations, axis=1).max(initial=0.0)), 1e-9) for before, after in pairs
+    )
     notes = [] if done == planned else [f"{done} of {planned} presses were solved and converged"]
     notes += [note] if note else []
     return BudgetEntry(
         source, kind, varied, force, share, motions, max(fields, default=None), done,
-        _said(source, force, share, motions), "; ".join(notes),
+        _said(source, force, share, motions), "; ".join(notes), motion_share,
     )
 
 
@@ -77,7 +82,7 @@ def of_single_tissue(base: dict[int, Found], mesh: TissueMesh, modulus: float) -
 
 
 _WORDS = {
-    PREDICTOR: "the fast answer itself", PENALTY: "how contact is computed", GAP: "how contact is computed",
+    PREDICTOR: "the fast answer itself", PENALTY: "how hard contact is", GAP: "the gap at which contact begins",
     CELLS: "the size of the mesh's cells", FACETS: "the facets of the surfaces", MODULUS: "the stiffness of tissue",
     POISSON: "how far tissue can be squeezed", FRICTION: "the friction of the skin", FIXED: "where the body is held",
     JOINTS: "how the vertebrae hang together", SUPPORT: "what the body lies on", HELD: "which bones are held",
@@ -89,8 +94,10 @@ def _said(source: str, force: float, share: float, motions: dict[str, float]) ->
     """One sentence for a reader who presses backs."""
     part = max(motions, key=lambda name: motions[name], default="")
     by = f"the force by up to {force:.1f} N ({100.0 * share:+.0f} %)"
-    if part:
-        by += f" and the motion of {part} by up to {motions[part]:.2f} mm"
+    if part and motions[part] < 0.005:
+        by += " and motions hardly at all"
+    elif part:
+        by += f" and the motion of {_short(part)} by up to {motions[part]:.2f} mm"
     if source == PREDICTOR:
         return f"Computing fast instead of solving in full changes {by}."
     words = _WORDS.get(source, source)
@@ -120,32 +127,39 @@ def budget_of(
     total_force = _root(entry.force or 0.0 for entry in errors)
     total_motions = {name: _root(entry.motions.get(name, 0.0) for entry in errors) for name in names}
     complete = complete and all(entry.solved == len(base) == len(tips) for entry in entries)
-    return ErrorBudget(
+    budget = ErrorBudget(
         predictor.name, discretisation_of(predictor.mesh), depth,
         tuple((float(x), float(y), float(z)) for x, y, z in tips), force, motions, tuple(entries), total_force,
-        total_motions, _whole(depth, force, motions, total_force, total_motions, errors, unknowns), complete,
+        total_motions, "", complete,
     )
+    return replace(budget, sentence=_whole(budget, errors, unknowns))
 
 
-def _whole(
-    depth: float, force: float, motions: dict[str, float], total_force: float, total_motions: dict[str, float],
-    errors: Sequence[BudgetEntry], unknowns: Sequence[BudgetEntry],
-) -> str:
-    begin = f"When the probe presses {depth:g} mm deep, the skin pushes back with about {force:.0f} N"
-    largest = max(errors, key=lambda entry: entry.force or 0.0)
-    end = f"that force may be wrong by about {total_force:.1f} N, mostly by {_WORDS[largest.source]}"
+def _whole(budget: ErrorBudget, errors: Sequence[BudgetEntry], unknowns: Sequence[BudgetEntry]) -> str:
+    total, motions = budget.total, budget.motions
+    begin = f"When the probe presses {budget.depth:g} mm deep, the skin pushes back with about {budget.force:.0f} N"
+    largest = max(errors, key=lambda entry: abs(entry.force_share or 0.0))
+    end = f"that force may be wrong by about {total.force * budget.force:.1f} N ({100.0 * total.force:.0f} %)"
+    why = f"mostly by {_WORDS[largest.source]}"
     if motions:
         part = max(motions, key=lambda name: motions[name])
-        most = max(errors, key=lambda entry: entry.motions.get(part, 0.0))
-        begin += f" and {part} moves by about {motions[part]:.1f} mm"
-        by = "as well" if most.source == largest.source else f"mostly by {_WORDS[most.source]}"
-        end += f", and that motion by about {total_motions[part]:.2f} mm, {by}"
+        most = max(errors, key=lambda entry: entry.motion_share)
+        begin += f" and {_short(part)} moves by about {motions[part]:.1f} mm"
+        also = f"that motion by about {total.motion * motions[part]:.2f} mm ({100.0 * total.motion:.0f} %)"
+        same = most.source == largest.source
+        end += f" and {also}, both {why}" if same else f", {why}, and {also}, mostly by {_WORDS[most.source]}"
+    else:
+        end += f", {why}"
     known = max(unknowns, key=lambda entry: entry.motion, default=None)
     more = "" if known is None else (
-        f"; of what is not known of the patient {_WORDS[known.source]} counts most: it changes motions by up to "
+        f"; of what is not known of the patient, {_WORDS[known.source]} counts most: it changes motions by up to "
         f"{known.motion:.2f} mm"
     )
     return f"{begin}; {end}{more}."
+
+
+def _short(part: str) -> str:
+    return part.removeprefix("vertebrae_")
 
 
 def _root(values: Iterable[float]) -> float:
