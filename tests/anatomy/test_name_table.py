@@ -32,6 +32,12 @@ def test_what_is_no_table_says_which_formats_are_taken(tmp_path, text):
         read_names(tmp_path / "a.txt")
 
 
+def test_a_number_that_is_named_twice_is_refused(tmp_path):
+    (tmp_path / "names.json").write_text('{"31": "vertebrae_L1", "31": "vertebrae_L2"}')
+    with pytest.raises(InputError, match="occurs twice"):
+        read_names(tmp_path / "names.json")
+
+
 def test_tables_by_name():
     assert read_names("total") == TOTAL_CLASSES
     assert read_names("total-v1") == TOTAL_CLASSES_V1

@@ -52,6 +52,18 @@ def test_refusals_name_the_place(tmp_path, text, says):
     assert says in str(caught.value)
 
 
+@pytest.mark.parametrize(("comment", "taken"), [
+    ("# units: mm", True), ("# unit = Millimetres", True), ("# all lengths in mm, of the unit test", True),
+    ("# unit: PROBE-3", True), ("# units: m", False), ("% Unit is cm", False), ("// units [inch]", False),
+])
+def test_a_unit_beside_the_numbers_counts(tmp_path, comment, taken):
+    if taken:
+        assert np.array_equal(read(tmp_path, f"{comment}\n{CSV}"), VALUES)
+    else:
+        with pytest.raises(InputError, match="lengths in mm"):
+            read(tmp_path, f"{comment}\n{CSV}")
+
+
 def test_text_of_any_encoding(tmp_path):
     path = tmp_path / "a.txt"
     for encoding in ("utf-8", "utf-8-sig", "utf-16", "utf-32", "cp1252"):

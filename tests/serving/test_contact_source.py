@@ -33,6 +33,7 @@ BAD = {
     "three columns.csv": b"1,0,0\n", "words.csv": b"node,dx,dy,dz\n1,a,b,c\n", "half.csv": b"1.5,0,0,0\n2,0,0,0\n",
     "bytes.csv": b"\xff\xfe\x00\x01", "list.json": b"[1, 2]", "cut.json": b'{"nodes": [1',
     "keys.json": b'{"nodes": [1]}',
+    "metres.json": b'{"nodes": [1], "displacements": [[0, 0.001, 0]], "unit": "m"}',
     "ragged.json": b'{"nodes": [1, 2], "displacements": [[1, 2, 3], [1]]}', "cut.npz": b"PK\x03\x04", "empty.npz": b"",
     "contacts.xlsx": b"1,0,0,0", "contacts": b"1,0,0,0",
 }

@@ -46,7 +46,7 @@ def read_names(path: Path | str) -> dict[int, str]:
 
 def _json_entries(path: Path | str, text: str) -> list[tuple[int, str]]:
     try:
-        table = json.loads(text)
+        table = json.loads(text, object_pairs_hook=_each_once)
         if isinstance(table, dict) and isinstance(table.get("labels"), dict):
             table = table["labels"]
         return [
@@ -58,6 +58,14 @@ def _json_entries(path: Path | str, text: str) -> list[tuple[int, str]]:
             str(path), expected='a table such as {"27": "vertebrae_L5"}', got=f"something else ({error})",
             fix=f"write one entry a label, or give {_FORMATS}",
         ) from error
+
+
+def _each_once(pairs: list[tuple[str, object]]) -> dict[str, object]:
+    """The entries of a JSON object, of which none is given twice."""
+    table = dict(pairs)
+    if len(table) < len(pairs):
+        raise ValueError("an entry that occurs twice")
+    return table
 
 
 def _line_entries(path: Path | str, expected: str) -> list[tuple[int, str]]:

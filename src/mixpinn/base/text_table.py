@@ -16,6 +16,13 @@ Row = tuple[int, list[str]]
 
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?$")
 _UNIT = re.compile(r"[\[(]\s*([^\])]*?)\s*[\])]\s*$")
+_UNIT_BESIDE = re.compile(r"\bunits?\s*(?:[:=\[(]|\bis\b|\bare\b|\bin\b)\s*[\[(\"']*([a-zµ]+)", re.IGNORECASE)
+_UNITS = {
+    **{unit: unit for unit in ("mm", "cm", "dm", "m", "um", "µm", "in")}, "inch": "in", "inches": "in", "micron": "um",
+    **{f"{kind}met{end}": unit for kind, unit in (("milli", "mm"), ("centi", "cm"), ("", "m"), ("micro", "um"))
+       for end in ("re", "er", "res", "ers")},
+}
+"""Units of length by what people call them."""
 
 
 def read_rows(path: Path | str, *, expected: str) -> list[tuple[int, str]]:
@@ -60,6 +67,9 @@ def read_columns(
     """
     path = Path(path)
     comments, rows = _split_comments(read_rows(path, expected=expected))
+    for _, line in comments:
+        if stated := _UNIT_BESIDE.search(line):
+            require_unit(stated[1], unit, f"{path}: {line[:60]!r}", fix=fix)
     if not rows:
         raise InputError(str(path), expected=expected, got="no row", fix=fix)
     header = rows[0][1] if not _has_number(rows[0][1]) else None
@@ -132,6 +142,16 @@ def _cells(
         else:
             return separator, table
     raise InputError(str(path), expected=expected, got=problem or "no numbers", fix=fix)
+
+
+def require_unit(stated: str, unit: str, where: str, *, fix: str) -> None:
+    """Refuse a file that says its lengths are in another unit than `unit`; what is no unit of length says nothing.
+
+    Raises:
+        InputError: it does.
+    """
+    if _UNITS.get(stated.strip().lower(), unit) != unit:
+        raise InputError(where, expected=f"lengths in {unit}", got=stated, fix=fix)
 
 
 def plain_name(cell: str) -> str:

@@ -10,7 +10,7 @@ from mixpinn.base.array_file import read_npz
 from mixpinn.base.arrays import AnyArray
 from mixpinn.base.errors import InputError
 from mixpinn.base.files import read_json
-from mixpinn.base.text_table import read_columns
+from mixpinn.base.text_table import read_columns, require_unit
 from mixpinn.records import Sample
 
 _FIX = "write columns node, dx, dy, dz [mm] under these names (.csv) or 'nodes' and 'displacements' (.json, .npz)"
@@ -94,6 +94,9 @@ def _read_table(path: Path) -> tuple[AnyArray, AnyArray]:
 
 def _read_json(path: Path) -> tuple[AnyArray, AnyArray]:
     values = read_json(path)
+    for name in ("unit", "units"):
+        if name in values:
+            require_unit(str(values[name]), "mm", f"{path}: {name}", fix=_FIX)
     return np.array(values["nodes"]), np.array(values["displacements"])
 
 
