@@ -11,6 +11,8 @@ from unittest import mock
 
 import numpy as np
 
+from drill.fuzz_foreign import KINDS
+
 _BYTES = (
     "hybrid.json", "mesh.vtu", "prior/prior.json", "prior/compliance.npy", "manifest.json", "prior/manifest.json",
     "hybrid.safetensors",
@@ -129,7 +131,7 @@ class BundleReader:
 
 
 def _array(sound: "np.ndarray | None", kind: str, shape: list[int]) -> np.ndarray:
-    if not 0 <= np.prod([float(extent) for extent in shape]) <= _LARGEST:
+    if kind not in KINDS or not 0 <= np.prod([float(extent) for extent in shape]) <= _LARGEST:
         raise ValueError
     if sound is not None and list(sound.shape) == shape:
         return sound.astype(kind)

@@ -47,6 +47,19 @@ def test_a_spine_in_front_of_the_middle():
     assert "LPS matrix written as RAS" in finding.detail
 
 
+@pytest.mark.parametrize(("rows", "says"), [((0, 2, 1), "front to back"), ((2, 1, 0), "left to right")])
+def test_axes_that_are_exchanged(rows, says):
+    turned = np.eye(4)
+    turned[:3, :3] = np.eye(3)[list(rows)]
+    finding = found(replace(SPINE, affine=turned @ SPINE.affine))["direction", SPINE.body.name]
+    assert finding.error
+    assert f"follow each other from {says}" in finding.detail
+    tilted = np.eye(4)
+    tilted[1:3, 1:3] = [[0.8, -0.6], [0.6, 0.8]]  # by 37°, as patients lie in scanners
+    lying = replace(SPINE, affine=tilted @ SPINE.affine)
+    assert not any("follow each other" in finding.detail for finding in check_plausible(lying))
+
+
 def test_a_vertebra_unlike_its_neighbours():
     part = SPINE.rigid[2]
     half = replace(part, mask=part.mask & (np.arange(part.mask.shape[1]) < part.mask.shape[1] // 3)[:, None])

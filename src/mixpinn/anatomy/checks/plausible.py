@@ -26,7 +26,8 @@ a spine that is turned, and for any."""
 def check_plausible(segmentation: Segmentation) -> tuple[Finding, ...]:
     """Look for what no label check can see in one structure alone; before the repair, and again after it."""
     return (
-        *_check_scale(segmentation), *_check_direction(segmentation), *check_back(segmentation),
+        *_check_scale(segmentation), *_check_stack(segmentation), *_check_direction(segmentation),
+        *check_back(segmentation),
         *_check_sizes(segmentation), *_check_steps(segmentation),
     )
 
@@ -78,6 +79,23 @@ def _check_direction(segmentation: Segmentation) -> Iterator[Finding]:
     if turned:
         detail += ", with its processes to the front: an LPS matrix written as RAS, left and right exchanged too?"
     yield _finding("direction", segmentation.body.name, detail, error=turned)
+
+
+def _check_stack(segmentation: Segmentation) -> Iterator[Finding]:
+    """Vertebrae follow each other from head to feet, along S, and not across the body."""
+    spine = _vertebrae(segmentation)
+    if len(spine) < 2:
+        return
+    first, last = ((segmentation.affine @ [*part.centroid, 1.0])[:3] for _, part in (spine[0], spine[-1]))
+    along = np.abs(last - first)
+    if along[2] >= np.linalg.norm(along[:2]):
+        return
+    axis = "left to right" if along[0] > along[1] else "front to back"
+    detail = (
+        f"the vertebrae from {spine[0][1].name} to {spine[-1][1].name} follow each other from {axis} "
+        f"({np.linalg.norm(along[:2]):.0f} mm across, {along[2]:.0f} mm along the body): the axes are exchanged"
+    )
+    yield _finding("direction", segmentation.body.name, detail, error=True)
 
 
 def _vertebrae(segmentation: Segmentation) -> list[tuple[int, Structure]]:
