@@ -36,6 +36,8 @@ def main() -> None:
         turn = float(rng.uniform(0.0, 180.0))
         most = skin.place((x, above, z), depth=domain.deepest, turn_deg=turn)
         reach = float(np.linalg.norm(predictor.press(most.translation, rotation=most.rotation).force))
+        if 0.9 * reach <= 2.0:
+            continue  # beside the rigid parts the flank yields to less
         wanted = float(rng.uniform(2.0, 0.9 * reach))
         found = predictor.depth_for(wanted, most.translation, rotation=probe_rotation(turn))
         solves.append(found.solves)
