@@ -18,6 +18,12 @@ def with_unit(code):
     return bytes(content)
 
 
+def with_dimensions(count):
+    content = bytearray(nifti())
+    content[40] = count
+    return bytes(content)
+
+
 def joint(**entries):
     frame = {"first": "a", "second": "b", "origin": [0, 0, 0], "axes": AXES, "spacing": 1} | entries
     return json.dumps({"joints": [frame]}).encode()
@@ -35,6 +41,7 @@ FOUND = {
     "directions for fewer axes": ("labels", b"\x02" + LAYERS),
     "no dimension": ("labels", b"\x02NRRD0004\ndimension: 0\nsizes:\n\n"),
     "extents that are no numbers": ("labels", b"\x03" + metaimage("nan 9 9")),
+    "a slice instead of a volume": ("labels", b"\x00" + with_dimensions(2)),
     "a unit that no header has": ("labels", b"\x00" + with_unit(7)),
     "a name longer than any file's": ("labels", b"\x03" + metaimage().replace(b"LOCAL", b"a" * 5000)),
     "a name with a zero": ("labels", b"\x03" + metaimage().replace(b"LOCAL", b"a\x00b")),

@@ -12,7 +12,13 @@ PROBE = linear_probe()
 
 def test_probes_as_the_protocol_means_them(shared_data):
     for probe in (PROBE, spherical_probe(), Probe.load(shared_data / "patient1/paper/probe_collision.stl")):
-        check_probe(probe)
+        assert check_probe(probe) == ()
+
+
+@pytest.mark.parametrize(("factor", "extent"), [(0.1, "5.7"), (1 / 25.4, "2.24")])
+def test_a_probe_in_centimetres_or_inches_is_warned_of(factor, extent):
+    line, = check_probe(replace(PROBE, points=PROBE.points * factor))
+    assert f"{extent} mm long: are its lengths centimetres or inches?" in line
 
 
 @pytest.mark.parametrize(("points", "says"), [

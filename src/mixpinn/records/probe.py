@@ -11,8 +11,8 @@ from mixpinn.base.files import hash_arrays
 from mixpinn.records.surface_file import read_surface
 from mixpinn.records.vtk_file import write_vtk
 
-_SMALLEST, _LARGEST, _OFF = 2.0, 1000.0, 3.0
-"""Lengths that a probe has [mm], and how far its tip may be from the origin [mm]."""
+_SMALLEST, _SMALL, _LARGEST, _OFF = 2.0, 8.0, 1000.0, 3.0
+"""Lengths that a probe has, that few have, and how far its tip may be from the origin [mm]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,8 +51,11 @@ class Probe:
         return Probe(points, triangles, path.stem)
 
 
-def check_probe(probe: Probe) -> None:
+def check_probe(probe: Probe) -> tuple[str, ...]:
     """Check that a surface is a probe as the protocol means it: in mm, its tip at the origin, pointing to −y.
+
+    Returns:
+        What a user should know: that it is so small that its lengths may be centimetres or inches.
 
     Raises:
         InputError: it is too small or too large for a probe, lies beside the origin, stands on its head, or lies on
@@ -81,6 +84,9 @@ def check_probe(probe: Probe) -> None:
             got=f"its lowest points {np.linalg.norm(place):.0f} mm away from it (x {x:.0f}, y {y:.0f}, z {z:.0f})",
             fix="move the tip to the origin and turn the probe so that it points to −y (x right, z along the body)",
         )
+    if extent < _SMALL:
+        return (f"the probe is {extent:.3g} mm long: are its lengths centimetres or inches?",)
+    return ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,6 +10,7 @@ from mixpinn.anatomy.mixture import mixed_parts
 from mixpinn.base.arrays import FloatArray
 from mixpinn.base.config import build_config
 from mixpinn.base.errors import InputError, SolveError
+from mixpinn.base.progress import console
 from mixpinn.base.rundir import finish_run, run_scope, start_run
 from mixpinn.base.sensible import positive, require_settings
 from mixpinn.dataset import (
@@ -185,7 +186,8 @@ def make_scene(mesh: TissueMesh, config: SimulationConfig) -> Scene:
         )
     materials = tuple(_material(name, config) for name in mesh.tissue_names)
     probe = linear_probe() if config.probe is None else Probe.load(config.probe)
-    check_probe(probe)
+    for line in check_probe(probe):
+        console.print(f"[yellow]warning[/]: {line}", soft_wrap=True)
     mesh, foundations = supported(mesh, config.support)
     joints = joints_between(mesh, config.joints, frames=config.joint_frames)
     return Scene(

@@ -33,6 +33,13 @@ def test_nothing_held_and_no_rigid_part():
     assert any("no rigid part" in line for line in mesh_warnings(replace(solid, fixed=solid.points[:, 1] < -50.0)))
 
 
+def test_nothing_that_can_move():
+    held = replace(MESH, fixed=np.ones(MESH.n_points, dtype=bool))
+    assert any("every soft node is fixed" in line for line in mesh_warnings(held))
+    rigid = replace(HELD, part=np.ones(MESH.n_points, dtype=HELD.part.dtype))
+    assert any("no soft tissue is left" in line for line in mesh_warnings(rigid))
+
+
 def test_pieces_and_doubled_points():
     far = HELD.points + np.array([500.0, 0.0, 0.0])
     two = replace(

@@ -22,9 +22,13 @@ def nifti_affine(path: Path, image: nib.Nifti1Image) -> tuple[FloatArray, tuple[
     by more than 45°, that is an error; a smaller turn or another place is a warning.
 
     Raises:
-        InputError: the header has neither.
+        InputError: the header has neither, or is not one of a volume.
     """
     header = image.header
+    if len(image.shape) < 3:
+        raise InputError(
+            str(path), expected="a volume of three dimensions", got=f"shape {image.shape}", fix="give the whole image",
+        )
     try:
         unit = _MM_PER_UNIT[header.get_xyzt_units()[0]]
     except KeyError as error:

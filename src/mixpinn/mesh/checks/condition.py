@@ -52,6 +52,9 @@ def _warnings(mesh: TissueMesh) -> Iterator[str]:
         yield f"{doubled} points lie at the place of another: surfaces that should be joined are not"
     if not mesh.fixed.any():
         yield "no node is fixed: nothing holds the body while the probe presses"
+    if mesh.fixed[mesh.part == 0].all():
+        soft = bool((mesh.part == 0).any())
+        yield "every soft node is fixed: nothing can move" if soft else "every node is rigid: no soft tissue is left"
     if not mesh.rigid_names:
         yield "no rigid part: all of it is soft tissue"
 
