@@ -1,5 +1,7 @@
 """Layers of fat and muscle: windows of HU, the thickness that survives, volumes, bones left alone."""
 
+from pathlib import Path
+
 import nibabel as nib
 import numpy as np
 import pytest
@@ -139,6 +141,22 @@ def test_what_is_no_ct_is_refused(tmp_path) -> None:
         layers_of_ct(body(), ct(tmp_path, layered_ct()[:, :20]))
     with pytest.raises(InputError, match="a CT"):
         layers_of_ct(body(), str(tmp_path / "absent.nii.gz"))
+
+
+def test_a_ct_whose_checksum_does_not_fit_is_refused(tmp_path) -> None:
+    path = Path(ct(tmp_path, layered_ct()))
+    content = bytearray(path.read_bytes())
+    content[-8] ^= 1  # the checksum of gzip, which nibabel passes over
+    path.write_bytes(bytes(content))
+    with pytest.raises(InputError, match="damaged") as caught:
+        layers_of_ct(body(), str(path))
+    assert "\n" not in str(caught.value)
+
+
+def test_an_analyze_image_is_no_ct(tmp_path) -> None:
+    nib.AnalyzeImage(layered_ct().astype(np.int16), np.eye(4)).to_filename(tmp_path / "ct.img")
+    with pytest.raises(InputError, match="does not say left from right"):
+        layers_of_ct(body(), str(tmp_path / "ct.img"))
 
 
 def test_presets_lie_in_their_ranges_and_name_their_source() -> None:

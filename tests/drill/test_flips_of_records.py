@@ -12,11 +12,12 @@ from mixpinn.dataset.dataset_table import DatasetTable
 from mixpinn.dataset.inverted_cells import InvertedCell, _Kept, _known
 from mixpinn.dataset.summary import SUMMARY, GenerationSummary
 from mixpinn.press.files import save_pose_model
-from mixpinn.records import Evaluation, SampleTable
+from mixpinn.records import MESH_FILE, Evaluation, SampleTable
 from mixpinn.records.error_budget import BUDGET_FILE, ErrorBudget
 from mixpinn.records.joint_frame import JointFrame, load_joint_frames, save_joint_frames
 from mixpinn.reduced.equilibrium import Equilibrium
 from mixpinn.reduced.hybrid import HybridModel
+from mixpinn.serving.bundle_budget import keep_budget, load_budget
 from mixpinn.stages.budget.make import make_budget
 from mixpinn.stages.budget.solves import Found
 from mixpinn.stages.budget.variants import BudgetConfig
@@ -95,17 +96,21 @@ def records(chain, folder):
 
 
 def budget(chain, folder):
-    predictor, bundle = block_predictor(), folder.with_name("bundle")
-    predictor.mesh.save(bundle / "mesh.vtu")
+    """A budget with its solves, and a bundle that carries it."""
+    predictor, bundle = block_predictor(), folder / "bundle"
+    predictor.mesh.save(bundle / MESH_FILE)
     predictor.model.save(bundle)
     save_pose_model(predictor.pose, bundle)
-    make_budget(bundle, BudgetConfig(poses=1, depth=1.0), out=folder)
+    keep_budget(make_budget(bundle, BudgetConfig(poses=1, depth=1.0), out=folder / "run"), bundle)
 
     def read(place):
-        solve = vars(Found.load(sorted((place / "solves").iterdir())[0]))
-        return ErrorBudget.load(place / BUDGET_FILE), hash_arrays(*[np.asarray(value) for value in solve.values()])
+        solve = vars(Found.load(sorted((place / "run" / "solves").glob("*.npz"))[0])).values()
+        budgets = ErrorBudget.load(place / "run" / BUDGET_FILE), load_budget(place / "bundle", predictor.mesh)
+        return budgets, hash_arrays(*[np.asarray(value) for value in solve])
 
-    return Artefact(folder, read, (BUDGET_FILE, "solves/*.npz"))
+    return Artefact(folder, read, (
+        f"run/{BUDGET_FILE}", "run/solves/*.npz", f"bundle/{BUDGET_FILE}", "bundle/manifest.json",
+    ))
 
 
 @pytest.mark.parametrize("make", [compressed_bundle, samples, records, budget])

@@ -12,7 +12,6 @@ what it lies in. Bones and what is outside of the body take no part; volumes bef
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import nibabel as nib
 import numpy as np
@@ -20,6 +19,7 @@ from scipy import ndimage
 
 from mixpinn.anatomy.finding import Finding, require_sound
 from mixpinn.anatomy.images.label_image import check_affine
+from mixpinn.anatomy.images.nifti import open_nifti
 from mixpinn.anatomy.images.nifti_affine import nifti_affine
 from mixpinn.anatomy.names import tissue_group
 from mixpinn.anatomy.segmentation import Segmentation, Structure
@@ -118,13 +118,10 @@ def _share(mask: BoolArray, sigma: FloatArray) -> FloatArray:
     return share
 
 
-def _affine(path: Path, image: Any) -> FloatArray:
+def _affine(path: Path, image: nib.Nifti1Image) -> FloatArray:
     """Voxel index of a CT to the scanner's RAS frame [mm], shape (4, 4), under the checks of a label image."""
-    if isinstance(image, nib.Nifti1Pair):
-        affine, notes = nifti_affine(path, image)
-        require_sound(notes)
-    else:
-        affine = np.asarray(image.affine, dtype=np.float64)
+    affine, notes = nifti_affine(path, image)
+    require_sound(notes)
     check_affine(path, affine)
     return affine
 
@@ -132,8 +129,10 @@ def _affine(path: Path, image: Any) -> FloatArray:
 def _sample(file: Path | str, affine: FloatArray, start: tuple[int, ...], stop: tuple[int, ...]) -> FloatArray:
     """HU at the voxels start … stop of the grid of the maps, linear between those of the CT."""
     try:
-        image = nib.load(file)
+        image = open_nifti(Path(file))
         data = np.asarray(image.dataobj, dtype=np.float32)
+    except InputError:
+        raise
     except Exception as error:  # nibabel raises many kinds
         raise InputError(
             str(file), expected="a CT (.nii.gz)", got=f"{type(error).__name__}: {error}", fix="check the file",

@@ -26,7 +26,7 @@ def read_nifti(path: Path) -> LabelImage:
         InputError: absent, damaged, not a NIfTI, not three-dimensional, without a usable affine, or with values that
             are not whole non-negative numbers.
     """
-    image = _open(path)
+    image = open_nifti(path)
     affine, notes = nifti_affine(path, image)
     try:
         data = np.asarray(image.dataobj)
@@ -53,7 +53,12 @@ def pair_of(path: Path) -> tuple[Path, Path] | None:
     return None
 
 
-def _open(path: Path) -> nib.Nifti1Image:
+def open_nifti(path: Path) -> nib.Nifti1Image:
+    """A NIfTI in memory, unpacked to no more than its header claims, its gzip checksum compared.
+
+    Raises:
+        InputError: damaged, or another kind of file.
+    """
     pair = pair_of(path)
     content = nifti_head(pair[0] if pair else path)
     size = next((n for n in _HEADER_SIZES for order in ("little", "big")
