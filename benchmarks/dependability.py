@@ -235,6 +235,7 @@ def full_scene(bundle: Path) -> Any:
 
 def measure(options: argparse.Namespace) -> dict[str, Any]:
     """All figures of one bundle."""
+    from mixpinn.records.answer import discretisation_of
     from mixpinn.serving import HybridPredictor
 
     model = HybridPredictor.load(options.bundle).pose
@@ -267,7 +268,7 @@ def measure(options: argparse.Namespace) -> dict[str, Any]:
     if reasons:
         print("flags: " + ", ".join(f"{text} ({count})" for text, count in sorted(reasons.items())[:20]))
     result: dict[str, Any] = {**totals, "answered": totals["answered"] / totals["answers"]}
-    result |= {"nonsense": asked, "nonsense_passed": passed}
+    result |= {"discretisation": discretisation_of(model.hybrid.mesh), "nonsense": asked, "nonsense_passed": passed}
     result["thread_differences"] = thread_differences(model, presses, options.threads, options.thread_answers)
     table = unseen(options.bundle, options.store)
     result |= {"bound_coverage": None, "bound_sharpness": None} if table is None else bounds(model, table)

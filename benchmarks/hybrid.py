@@ -30,8 +30,12 @@ def measure(bundle: Path, store: Path | None, threads: int) -> dict[str, Any]:
     from mixpinn.base.files import read_json
     from mixpinn.dataset import SimulationStore, Split, build_sample_table
     from mixpinn.evaluation import evaluate
+    from mixpinn.records.answer import discretisation_of
     from mixpinn.serving import HybridPredictor
 
+    beside = bundle.parent / "simulation" / "store"  # of a run of 'mixpinn onboard'
+    if store is None and (beside / "store.json").is_file():
+        store = beside
     opened = SimulationStore.open(store or Path(read_json(bundle / "run.json")["input_paths"]["store"]).parent)
     split = Split.load(bundle / "split.json")
     table = build_sample_table(opened).at_positions(split.test)
@@ -52,7 +56,7 @@ def measure(bundle: Path, store: Path | None, threads: int) -> dict[str, Any]:
         "mee_p95": float(np.quantile(mee, 0.95)), "mee_max": float(mee.max()),
         "latency_ms_p50": float(np.median(milliseconds)), "latency_ms_p99": float(np.quantile(milliseconds, 0.99)),
         "prior_mee": float(prior.metrics["mee"].mean()), "loading_seconds": predictor.loading_seconds,
-        "threads": threads, "nodes": predictor.mesh.n_points,
+        "threads": threads, "nodes": predictor.mesh.n_points, "discretisation": discretisation_of(predictor.mesh),
     }
 
 

@@ -1,5 +1,7 @@
 """Ten-node cells from simulation to answer: store, samples, hybrid bundle, prediction, trust, refinement, network."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
@@ -11,10 +13,14 @@ from mixpinn.evaluation import ZeroModel, evaluate
 from mixpinn.fem import Scene, SolverConfig, StableNeoHookean, scene_record
 from mixpinn.geometry.probe_shapes import spherical_probe
 from mixpinn.graph import build_graph
-from mixpinn.reduced.fit import HybridConfig
+from mixpinn.records.answer import discretisation_of
+from mixpinn.reduced.fit import HybridConfig, fit_hybrid
 from mixpinn.reduced.hybrid import HybridModel
 from mixpinn.serving import HybridPredictor
+from mixpinn.serving.contact_source import SampleAddress
+from mixpinn.stages.evaluation import EvaluationConfig, evaluate_models
 from mixpinn.stages.hybrid import HybridStageConfig, make_hybrid
+from mixpinn.stages.prediction import answer_contacts
 from mixpinn.training import batches
 
 
@@ -101,3 +107,34 @@ def test_bundles_and_samples_of_the_linear_cells_are_refused(mesh, table, bundle
         HybridModel.load(bundle, mesh.with_order(1))
     with pytest.raises(InputError, match="mesh"):
         evaluate(ZeroModel(mesh.n_points), table, mesh.with_order(1), split="all")
+
+
+@pytest.fixture(scope="module")
+def linear_store(store, mesh, tmp_path_factory):
+    """The same poses on the linear cells of the same mesh, not simulated yet."""
+    return SimulationStore.create(
+        tmp_path_factory.mktemp("linear") / "store", mesh.with_order(1), protocol=store.protocol,
+        positions=store.positions, poses=store.poses, scene=store.scene, probe=store.probe(),
+    )
+
+
+def test_predicting_a_sample_of_linear_cells_names_both_discretisations(bundle, linear_store):
+    address = SampleAddress(linear_store.folder, 0, 0.0)
+    with pytest.raises(InputError, match=r"model's quadratic tetrahedra.* got those of linear tetrahedra"):
+        answer_contacts(HybridPredictor.load(bundle, warm_up=False), address)
+
+
+def test_evaluating_on_simulations_of_linear_cells_names_both_discretisations(bundle, linear_store, table, tmp_path):
+    seen = np.unique(table.position_index)
+    with pytest.raises(InputError, match=r"a model of linear tetrahedra.* got one of quadratic tetrahedra"):
+        evaluate_models(
+            linear_store, table, Split("toy", seen[:-2], seen[-2:-1], seen[-1:]), [bundle],
+            EvaluationConfig(prior=False), out=tmp_path / "out",
+        )
+
+
+def test_fitting_on_simulations_of_linear_cells_names_both_discretisations(mesh, bundle, store, table):
+    model = HybridPredictor.load(bundle, warm_up=False).model
+    others = replace(table, mesh_hash=mesh.with_order(1).hash(), discretisation=discretisation_of(mesh.with_order(1)))
+    with pytest.raises(InputError, match=r"samples of quadratic tetrahedra.* got those of linear tetrahedra"):
+        fit_hybrid(model.prior, store.materials(), others, others.select([]))

@@ -13,8 +13,7 @@ from training.toy_block import block_mesh
 
 def budget(discretisation="linear tetrahedra"):
     entry = BudgetEntry(
-        "discretisation", BudgetKind.ERROR, "linear → quadratic", 4.0, -0.4, {"L1": 0.5}, 0.1, 2, "So.",
-        motion_share=0.25,
+        "discretisation", BudgetKind.ERROR, "linear → quadratic", 4.0, -0.4, {"L1": 0.5}, 0.25, 0.1, 2, "So.",
     )
     return ErrorBudget(
         "Toy", discretisation, 10.0, ((0.0, 1.0, 2.0), (1.0, 1.0, 2.0)), 10.0, {"L1": 2.0, "L2": 0.1}, (entry,), 4.0,

@@ -69,5 +69,5 @@ def _round(value: float | None, digits: int) -> float | None:
     return None if value is None else round(value, digits)
 
 
-def _percent(share: float | None) -> float | None:
-    return None if share is None else round(100.0 * share, 1)
+def _percent(share: float | None) -> int | None:
+    return None if share is None else round(100.0 * share)

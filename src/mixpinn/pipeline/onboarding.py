@@ -21,6 +21,7 @@ from mixpinn.fem import Scene
 from mixpinn.press.files import save_pose_model
 from mixpinn.press.model import PoseModel
 from mixpinn.records import SampleTable, TissueMesh
+from mixpinn.records.answer import discretisation_of
 from mixpinn.reduced.equilibrium import Equilibrium
 from mixpinn.reduced.fit import HybridConfig, fit_hybrid
 from mixpinn.reduced.hybrid import HybridModel
@@ -112,7 +113,7 @@ def onboard(config: OnboardingConfig, *, out: Path | str) -> Path:
     console.print(f"The elastic prior is ready: {out / BUNDLE} can be used; simulations make it better.")
     if config.poses:
         _learn(model, mesh, config, clock, out)
-    told = describe(scene.mesh, scene.restraints)
+    told = {"Discretisation": discretisation_of(scene.mesh), **describe(scene.mesh, scene.restraints)}
     budget = load_budget(out / BUNDLE, scene.mesh)
     write_text(out / "onboarding.md", rounds_report(
         clock.rounds, mesh_nodes=mesh.n_points, body=told, budget=budget, minutes=clock.seconds() / 60.0,

@@ -31,11 +31,11 @@ class BudgetEntry:
         force: largest change of the force on the probe over the poses [N]; None where it was not evaluated.
         force_share: the same relative to the force, with its sign where all poses agree in it.
         motions: largest change of the translation of each rigid part [mm], by name.
+        motion_share: largest change of a translation over the poses, relative to the largest translation of its pose.
         field: largest mean change of the displacement of the vertices [mm]; None where meshes differ.
         solved: poses that were compared.
         sentence: what it means, for a reader who presses backs and not equations.
         note: what a reader must know beside the figures.
-        motion_share: largest change of a motion over the poses, relative to the largest motion of its pose.
     """
 
     source: str
@@ -44,11 +44,11 @@ class BudgetEntry:
     force: float | None
     force_share: float | None
     motions: dict[str, float]
+    motion_share: float
     field: float | None
     solved: int
     sentence: str
     note: str = ""
-    motion_share: float = 0.0
 
     @property
     def motion(self) -> float:

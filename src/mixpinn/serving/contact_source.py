@@ -105,12 +105,13 @@ def _read_npz(path: Path) -> tuple[AnyArray, AnyArray]:
     return values["nodes"], values["displacements"]
 
 
-def read_sample(address: SampleAddress, *, mesh_hash: str) -> Sample:
+def read_sample(address: SampleAddress, *, mesh_hash: str, made_on: str = "") -> Sample:
     """Read one sample of a store; its contact nodes are the loaded ones.
 
     Args:
         address: which sample.
         mesh_hash: `TissueMesh.hash` of the model's mesh.
+        made_on: the model's discretisation in words, for the message.
 
     Raises:
         InputError: the store is damaged or of another mesh, or has no such sample.
@@ -121,7 +122,7 @@ def read_sample(address: SampleAddress, *, mesh_hash: str) -> Sample:
     store = SimulationStore.open(address.store)
     if store.mesh_hash != mesh_hash:
         raise InputError(
-            str(address.store), expected=f"simulations of the model's mesh, {mesh_hash}",
+            str(address.store), expected=f"simulations of the model's {made_on or f'mesh, {mesh_hash}'}",
             got=f"those of {store.discretisation or f'another mesh, {store.mesh_hash}'}",
             fix="choose a model that was trained on this store, or simulate on the mesh.vtu of the model's folder",
         )

@@ -58,7 +58,7 @@ class HybridPredictor:
     @staticmethod
     def load(
         folder: Path | str, *, mesh: TissueMesh | None = None, threads: int | None = None, name: str | None = None,
-        warm_up: bool = True,
+        warm_up: bool = True, with_budget: bool = True,
     ) -> "HybridPredictor":
         """Read a bundle.
 
@@ -68,6 +68,7 @@ class HybridPredictor:
             threads: for the predictor of a network; a hybrid prediction runs in the thread that asks for it.
             name: for tables.
             warm_up: make one prediction, so that the next one is not slowed down by compilation.
+            with_budget: also read the error budget that it carries.
 
         Raises:
             InputError: the folder is incomplete, damaged, or of another mesh.
@@ -80,7 +81,8 @@ class HybridPredictor:
             from mixpinn.press.files import load_pose_model
 
             pose = load_pose_model(folder, model)
-        predictor = HybridPredictor(model, pose=pose, threads=threads, budget=load_budget(folder, model.mesh))
+        budget = load_budget(folder, model.mesh) if with_budget else None
+        predictor = HybridPredictor(model, pose=pose, threads=threads, budget=budget)
         predictor.name = name or model.name
         if warm_up:
             predictor.predict(model.prior.nodes[:2], np.tile([0.0, -0.1, 0.0], (2, 1)))

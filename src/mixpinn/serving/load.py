@@ -15,11 +15,13 @@ AnyPredictor = Union["Predictor", HybridPredictor]
 
 def load_predictor(
     folder: Path | str, *, mesh: TissueMesh | None = None, threads: int | None = None, name: str | None = None,
-    warm_up: bool = True,
+    warm_up: bool = True, with_budget: bool = True,
 ) -> AnyPredictor:
-    """A trained network or a hybrid model; arguments and errors as `Predictor.load`."""
+    """A trained network or a hybrid model; arguments and errors as `HybridPredictor.load`."""
     if (Path(folder) / HYBRID_FILE).is_file():
-        return HybridPredictor.load(folder, mesh=mesh, threads=threads, name=name, warm_up=warm_up)
+        return HybridPredictor.load(
+            folder, mesh=mesh, threads=threads, name=name, warm_up=warm_up, with_budget=with_budget,
+        )
     # Imported here: networks need torch.
     from mixpinn.serving.predictor import Predictor
 

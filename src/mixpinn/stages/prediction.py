@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from mixpinn.records.answer import Answer
+from mixpinn.records.answer import Answer, discretisation_of
 from mixpinn.serving.contact_sense import check_contacts
 from mixpinn.serving.contact_source import SampleAddress, read_contacts, read_sample
 from mixpinn.serving.load import AnyPredictor
@@ -27,5 +27,5 @@ def answer_contacts(predictor: AnyPredictor, source: Path | str | SampleAddress)
         nodes, displacements = read_contacts(source)
         check_contacts(predictor.mesh, nodes, displacements, what=str(source))
         return predictor.predict_at(nodes, displacements)
-    sample = read_sample(source, mesh_hash=predictor.mesh_hash)
+    sample = read_sample(source, mesh_hash=predictor.mesh_hash, made_on=discretisation_of(predictor.mesh))
     return predictor.predict_at(sample.contact_nodes, sample.contact_displacement, reference=sample.displacement)

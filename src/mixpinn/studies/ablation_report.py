@@ -14,6 +14,7 @@ from mixpinn.evaluation import Table, save_figure
 from mixpinn.graph import part_diameters, rigid_reach
 from mixpinn.networks import MIXPINN, read_description
 from mixpinn.records import Evaluation, SampleTable, TissueMesh
+from mixpinn.records.answer import discretisation_of
 from mixpinn.studies.ablation_config import AblationConfig
 from mixpinn.studies.ablation_jobs import (
     MODELS_FOLDER,
@@ -101,7 +102,7 @@ def write_ablation_report(
     diameters = part_diameters(mesh)
     reach = rigid_reach(mesh, SampleTable.load(folder / SAMPLES / "test"), config.layers)
     protocol = protocol_line(
-        config, diameters=diameters, reach=reach, nodes=mesh.n_points, split=split, counts=counts,
+        config, diameters=diameters, reach=reach, mesh=mesh, split=split, counts=counts,
     )
     tables = make_tables(runs, sets, config, train_positions=len(split.train))
     names = [entry.name for entry in sets]
@@ -134,7 +135,7 @@ def write_ablation_report(
 
 
 def protocol_line(
-    config: AblationConfig, *, diameters: Mapping[str, int], reach: float, nodes: int, split: Split,
+    config: AblationConfig, *, diameters: Mapping[str, int], reach: float, mesh: TissueMesh, split: Split,
     counts: Mapping[str, int],
 ) -> str:
     """What a reader must know beside every figure, in a few sentences."""
@@ -150,11 +151,11 @@ def protocol_line(
     every, first = ", ".join(map(str, config.seeds)), config.seeds[0]
     seeds = f"Seeds {every} for {repeated}; {first} for the others." if repeated else f"Seed {first} for all."
     return (
-        f"Mesh of {nodes:,} nodes; edges from one end of a rigid part to the other: {across}; {100.0 * reach:.0f} % of "
-        f"the rigid nodes lie within {config.layers} edges of a contact node. Positions {parts} (train / validation / "
-        f"test); {counts['train']:,} training and {counts['validation']:,} validation "
-        f"samples. {config.layers} layers of width {config.hidden} a head (PhysGNN {config.physgnn_hidden}), "
-        f"scaling “{config.scaling.value}”, "
+        f"Mesh of {mesh.n_points:,} nodes ({discretisation_of(mesh)}); edges from one end of a rigid part to the "
+        f"other: {across}; {100.0 * reach:.0f} % of the rigid nodes lie within {config.layers} edges of a contact "
+        f"node. Positions {parts} (train / validation / test); {counts['train']:,} training and "
+        f"{counts['validation']:,} validation samples. {config.layers} layers of width "
+        f"{config.hidden} a head (PhysGNN {config.physgnn_hidden}), scaling “{config.scaling.value}”, "
         f"AdamW, learning rate {train.learning_rate:g}, batch {train.batch_size} (PhysGNN "
         f"{config.physgnn_learning_rate:g}, {config.physgnn_batch_size}), {budget}. {seeds} "
         f"Contact nodes: {config.split.contact_rule}."

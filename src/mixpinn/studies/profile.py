@@ -18,6 +18,7 @@ from mixpinn.evaluation import save_figure
 from mixpinn.fem import PoseSimulator
 from mixpinn.networks import MODELS
 from mixpinn.records import SampleTable, TissueMesh
+from mixpinn.records.answer import discretisation_of
 from mixpinn.reduced.prior import ElasticPrior
 from mixpinn.stages.simulation import PAPER_TISSUE_CONFIG, SimulationConfig, make_scene, plan
 from mixpinn.studies.profile_measure import PRIOR, TIMEOUT, Timing, measure_model, model_config, timing
@@ -99,7 +100,7 @@ def run_profile(meshes: Mapping[str, TissueMesh], config: ProfileConfig, *, out:
                 measure_model, network, samples, (name, mesh), method=method, threads=config.threads,
                 repeats=config.repeats, timeout=config.timeout,
             )))
-    _report(timings, config, out)
+    _report(timings, meshes, config, out)
     finish_run(out, {"timings": len(timings)})
     return tuple(timings)
 
@@ -163,9 +164,12 @@ def _prior(name: str, mesh: TissueMesh, samples: SampleTable, config: ProfileCon
     )
 
 
-def _report(timings: Sequence[Timing], config: ProfileConfig, out: Path) -> None:
+def _report(
+    timings: Sequence[Timing], meshes: Mapping[str, TissueMesh], config: ProfileConfig, out: Path,
+) -> None:
     rows = [asdict(entry) for entry in timings]
-    tables = [profile_table(rows), exponent_table(rows)]
+    made_on = {name: discretisation_of(mesh) for name, mesh in meshes.items()}
+    tables = [profile_table(rows, made_on), exponent_table(rows)]
     save_figure(cost_figure(rows), out / "cost.png")
     save_figure(depth_figure(rows), out / "depth.png")
     write_json(out / "results.json", {

@@ -20,8 +20,13 @@ Row = Mapping[str, Any]
 """One timing as plain values, see `mixpinn.studies.profile_measure.Timing`."""
 
 
-def profile_table(timings: Sequence[Row]) -> Table:
-    """Every method on every mesh, the paper's times below, muted."""
+def profile_table(timings: Sequence[Row], made_on: Mapping[str, str] | None = None) -> Table:
+    """Every method on every mesh, the paper's times below, muted.
+
+    Args:
+        timings: all of them.
+        made_on: discretisation of each mesh in words, by its name.
+    """
     rows: list[tuple[Cell, ...]] = [
         (
             METHOD_TITLES[entry["method"]], entry["mesh"], entry["nodes"], entry["median_ms"], entry["p95_ms"],
@@ -43,6 +48,7 @@ def profile_table(timings: Sequence[Row]) -> Table:
         "output array. Peak memory is what a network adds to a process that has all libraries loaded. Rows marked "
         "(paper) are quoted: means on another machine."
     )
+    note += "".join(f" Mesh {name}: {words}." for name, words in (made_on or {}).items())
     return Table("Run time", columns, tuple(rows), note, frozenset(range(measured, len(rows))))
 
 

@@ -36,7 +36,7 @@ def entry_of(
     pairs = [(base[index], found) for end in ends for index, found in end.items()]
     done = min((len(end) for end in ends), default=0)
     if not pairs:
-        return BudgetEntry(source, kind, varied, None, None, {}, None, 0, "Not solved yet.")
+        return BudgetEntry(source, kind, varied, None, None, {}, 0.0, None, 0, "Not solved yet.")
     force = max(float(np.linalg.norm(after.force - before.force)) for before, after in pairs)
     shares = np.array([
         np.linalg.norm(after.force) / max(float(np.linalg.norm(before.force)), 1e-9) - 1.0 for before, after in pairs
@@ -58,8 +58,8 @@ def entry_of(
     notes = [] if done == planned else [f"{done} of {planned} presses were solved and converged"]
     notes += [note] if note else []
     return BudgetEntry(
-        source, kind, varied, force, share, motions, max(fields, default=None), done,
-        _said(source, force, share, motions), "; ".join(notes), motion_share,
+        source, kind, varied, force, share, motions, motion_share, max(fields, default=None), done,
+        _said(source, force, share, motions), "; ".join(notes),
     )
 
 
@@ -74,7 +74,7 @@ def of_single_tissue(base: dict[int, Found], mesh: TissueMesh, modulus: float) -
     force = modulus * max(float(np.linalg.norm(found.force)) for found in base.values())
     motions = dict.fromkeys(mesh.rigid_names, 0.0)
     return BudgetEntry(
-        MODULUS, BudgetKind.SENSITIVITY, f"± {100.0 * modulus:g} %", force, modulus, motions, 0.0,
+        MODULUS, BudgetKind.SENSITIVITY, f"± {100.0 * modulus:g} %", force, modulus, motions, 0.0, 0.0,
         len(base), _said(MODULUS, force, modulus, motions),
         "exact but for the penalty of contact: with one tissue, forces are proportional to its modulus and motions do "
         "not depend on it; with several, their ratio is what counts",
@@ -93,7 +93,8 @@ _WORDS = {
 def _said(source: str, force: float, share: float, motions: dict[str, float]) -> str:
     """One sentence for a reader who presses backs."""
     part = max(motions, key=lambda name: motions[name], default="")
-    by = f"the force by up to {force:.1f} N ({100.0 * share:+.0f} %)"
+    percent = f"{100.0 * share:+.0f} %" if abs(share) >= 0.005 else "less than 1 %"
+    by = f"the force by up to {force:.1f} N ({percent})"
     if part and motions[part] < 0.005:
         by += " and motions hardly at all"
     elif part:

@@ -39,7 +39,7 @@ def make_budget(
     Raises:
         InputError: a bundle that takes no poses, no skin over the rigid parts, or `out` holds another run.
     """
-    predictor = load_predictor(bundle, warm_up=False)
+    predictor = load_predictor(bundle, warm_up=False, with_budget=False)
     if not isinstance(predictor, HybridPredictor) or predictor.pose is None:
         raise InputError(
             str(bundle), expected="a hybrid bundle that takes poses", got="a model that does not",
