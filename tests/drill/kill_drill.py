@@ -25,7 +25,8 @@ PATIENCE = 600.0
 """After which a command hangs [s], on a machine that is used by others, too."""
 SAID = "stopped; the same command goes on from here"
 _VOLATILE = re.compile(
-    r"second|minute|started|finished|command|version|time|_ms$|peak_mb|\[ms\]|\[MB\]|input_paths|attempts|platform|^sha256$|^inputs$|^headline$"
+    r"second|minute|after_labels|started|finished|command|version|time|_ms$|peak_mb|\[ms\]|\[MB\]|input_paths|attempts"
+    r"|platform|^sha256$|^inputs$|^headline$"
 )
 _BYTES = {".vtu", ".npy", ".gz", ".stl", ".py"}
 
