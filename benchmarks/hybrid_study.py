@@ -109,7 +109,7 @@ def variants(study: Study) -> list[dict[str, Any]]:
 
 
 def data_need(study: Study) -> list[dict[str, Any]]:
-    """Accuracy against the number of training positions, the first ones of the split's permutation."""
+    """Errors against the number of training positions, the first ones of the split's permutation."""
     test = study.table.at_positions(study.split.test)
     order = np.random.default_rng(42).permutation(len(np.unique(study.table.position_index)))
     order = order[np.isin(order, study.split.train)]

@@ -1,4 +1,4 @@
-"""From the pose of the probe alone: accuracy against the full contact simulation, forces, vertebrae, latency.
+"""From the pose of the probe alone: errors against the full contact simulation, forces, vertebrae, latency.
 
 ``python -m benchmarks.pose STORE --hybrid FOLDER --pose FOLDER --split FILE`` evaluates a pose model, beside it the
 same without what was learned about contact, contact on the linear body alone, and a ridge regression from the pose

@@ -8,8 +8,11 @@ from mixpinn.records import TissueMesh
 from mixpinn.records.label_map import LabelMap
 from mixpinn.stages.mesh import MeshConfig, load_mesh, make_mesh, open_source
 
-FINER = 0.5
-"""Edges of the finer facets relative to those of the default mesh; their distance from the surface is a quarter."""
+CLOSER = 0.5
+"""Distance of the finer facets from the surface, relative to that of the default mesh's.
+
+Cells stay as they are where the surface does not bend, so that it is the facets that are compared.
+"""
 
 
 def finer_facets(source: Path | str, *, out: Path | str) -> TissueMesh:
@@ -27,8 +30,5 @@ def finer_facets(source: Path | str, *, out: Path | str) -> TissueMesh:
     opened = open_source(source) if not (Path(source) / "mesh.vtu").is_file() else source
     if not isinstance(opened, LabelMap):
         return load_mesh(opened)
-    grading = Grading()
-    finer = replace(
-        grading, probed=FINER * grading.probed, rigid=FINER * grading.rigid, distance=FINER**2 * grading.distance,
-    )
+    finer = replace(Grading(), distance=CLOSER * Grading().distance)
     return make_mesh(opened, MeshConfig(grading=finer, picture=False), out=out).mesh
