@@ -205,6 +205,11 @@ def _content(root: Path, name: str) -> Any:
 
 def _plain(value: Any) -> Any:
     if isinstance(value, dict):
+        if {"columns", "rows"} <= value.keys():  # a table
+            value = {**value, "rows": [
+                {name: cell for name, cell in zip(value["columns"], row, strict=True)
+                 if not _VOLATILE.search(name.lower())} for row in value["rows"]
+            ]}
         return {key: _plain(entry) for key, entry in value.items() if not _VOLATILE.search(key)}
     return [_plain(entry) for entry in value] if isinstance(value, list) else value
 
