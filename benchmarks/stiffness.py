@@ -62,11 +62,12 @@ def _compare(predictor: HybridPredictor, presses: int, *, remembered: bool) -> d
         except SolveError:
             unsolved += 1
             continue
-        half = _half(predictor, pose, history)
-        if half is None:
-            switching += 1
-        else:
+        _, smooth = _differences(predictor, pose, history)
+        half, smoother = _differences(predictor, pose, history, share=0.5)
+        if smooth and smoother:
             apart.append(float(np.linalg.norm(whole - half) / np.linalg.norm(half)))
+        else:
+            switching += 1
     found = np.array(apart)
     return {
         "worst": float(found.max()), "median": float(np.median(found)), "within": float((found <= _WITHIN).mean()),
@@ -80,9 +81,11 @@ def _scaled(matrix: FloatArray) -> FloatArray:
     return scale[:, None] * matrix * scale
 
 
-def _half(predictor: HybridPredictor, pose: ProbePose, history: object | None) -> FloatArray | None:
-    """Central differences of half the width, scaled; None where contact switches."""
-    shift, turn = 0.5 * differences.SHIFT, 0.5 * differences.TURN
+def _differences(
+    predictor: HybridPredictor, pose: ProbePose, history: object | None, *, share: float = 1.0,
+) -> tuple[FloatArray, bool]:
+    """Central differences of a share of the width, scaled, and whether contact stays as it is between the poses."""
+    shift, turn = share * differences.SHIFT, share * differences.TURN
     answers = [predictor.press(pose.translation, rotation=pose.rotation, history=history)]
     for k in range(6):
         for sign in (1.0, -1.0):
@@ -96,9 +99,8 @@ def _half(predictor: HybridPredictor, pose: ProbePose, history: object | None) -
     wrenches = np.array([np.concatenate([answer.force, answer.moment]) for answer in answers])
     width = np.repeat([shift, turn], 3)[:, None]
     after, before = (_scaled(((side - wrenches[0]) / width).T) for side in (wrenches[1::2], wrenches[2::2]))
-    if len(touching) > 1 or np.linalg.norm(after + before) > _KINK * np.linalg.norm(after - before):
-        return None
-    return 0.5 * (after - before)
+    bent = np.linalg.norm(after + before) > _KINK * np.linalg.norm(after - before)
+    return 0.5 * (after - before), len(touching) == 1 and not bent
 
 
 if __name__ == "__main__":
