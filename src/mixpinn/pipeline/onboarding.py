@@ -31,7 +31,7 @@ from mixpinn.stages.budget.make import make_budget
 from mixpinn.stages.budget.variants import BudgetConfig
 from mixpinn.stages.evaluation import Background, EvaluationConfig, evaluate_models
 from mixpinn.stages.hybrid import SPLIT_FILE, fit_pose_model, is_whole, plain_pose_model, save_bundle
-from mixpinn.stages.mesh import MeshConfig, make_mesh
+from mixpinn.stages.mesh import PATIENT_CELLS, MeshConfig, make_mesh
 from mixpinn.stages.prior import cached_prior
 from mixpinn.stages.restraints import describe
 from mixpinn.stages.simulation import SimulationConfig, begin_simulations, for_patients, make_scene
@@ -58,7 +58,7 @@ class OnboardingConfig:
     """
 
     anatomy: AnatomyConfig = field(default_factory=AnatomyConfig)
-    mesh: MeshConfig = field(default_factory=MeshConfig)
+    mesh: MeshConfig = PATIENT_CELLS
     simulation: SimulationConfig = field(default_factory=SimulationConfig)
     hybrid: HybridConfig = field(default_factory=HybridConfig)
     poses: int = 40

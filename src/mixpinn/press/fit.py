@@ -1,7 +1,7 @@
 """Fit what simulations teach about contact from the pose: the correction, the errors to expect, the poses learned from.
 
-Positions are left out in turn: the size of the correction is the one that serves best where it was not fitted, and the
-errors are those of predictions at positions left out.
+Positions are left out in turn: the size of the correction is the one that serves best where it was not fitted, none
+where no size serves for sure, and the errors are those of predictions at positions left out.
 """
 
 from dataclasses import dataclass, replace
@@ -131,11 +131,29 @@ def fit_pose(
             best.append((field_error, force_error, found, left))
     field, force = min(best, key=lambda found: found[0]), min(best, key=lambda found: found[1])
     left = np.concatenate([field[3][:, :-6], force[3][:, -6:]], axis=1)
+    if not surely_smaller(targets[:, FIELD], targets[:, FIELD] - left[:, FIELD], samples.group):
+        left[:, :-6] = 0.0
+        field = (*field[:2], replace(field[2], gain=np.zeros_like(field[2].gain)), left)
+    if not surely_smaller(targets[:, FORCE], targets[:, FORCE] - left[:, FORCE], samples.group):
+        left[:, -6:] = 0.0
+        force = (*force[:2], replace(force[2], wrench_gain=np.zeros_like(force[2].wrench_gain)), left)
     # One set of features serves both: coordinates of the larger choice, with zero rows where the other has none.
     correction = replace(_joined(field[2], force[2]), largest=_largest(model, samples, targets))
     depths = np.array([base.contact.depths[0] for base in samples.base])
     domain = PoseDomain.of_samples(model.hybrid.mesh, samples.rotations, samples.translations, depths)
     return replace(model, correction=correction, domain=domain, error=_calibrate(model, samples, modes, left))
+
+
+def surely_smaller(before: FloatArray, after: FloatArray, group: IntArray) -> bool:
+    """Whether errors have shrunk by more than chance may do with so few groups: by their mean's standard error.
+
+    Args:
+        before, after: errors of the samples, shapes (N, t).
+        group: of each sample, shape (N,); samples of one group err together.
+    """
+    gained = np.linalg.norm(before, axis=1) - np.linalg.norm(after, axis=1)
+    each = np.array([gained[group == one].mean() for one in np.unique(group)])
+    return bool(each.mean() > each.std(ddof=1) / np.sqrt(len(each)))
 
 
 def _largest(model: PoseModel, samples: PoseSamples, targets: FloatArray) -> FloatArray:
