@@ -52,7 +52,7 @@ def onboard(
     layers: options.Layers = False,
     ct: options.CtFile = None,
     probe: options.ProbeFile = None,
-    size: Annotated[float | None, typer.Option(help="Mesh size: 1 is the paper's, larger is coarser.")] = None,
+    size: Annotated[float | None, typer.Option(help="Mesh size: 2 by default, with quadratic cells.")] = None,
     joints: options.Joints = None,
     support: options.Front = None,
     hold: options.Hold = None,

@@ -64,7 +64,7 @@ class OnboardingConfig:
     poses: int = 40
     first_round: int = 8
     pictures: bool = True
-    budget: BudgetConfig = field(default_factory=lambda: BudgetConfig(poses=2, sensitivity=False))
+    budget: BudgetConfig = field(default_factory=lambda: BudgetConfig(poses=1, sensitivity=False))
     budget_minutes: float = 4.0
 
     def __post_init__(self) -> None:
