@@ -45,8 +45,8 @@ def verbs(chain, tmp_path_factory):
     (folder / "contacts.csv").write_text(f"node,dx,dy,dz\n{node},0,-1,0\n")
     hybrid = ["--set", "hybrid.modes=6"]
     onboarding = {
-        "anatomy": ANATOMY, "mesh": mesh, "simulation": simulation, "hybrid": {"modes": 6}, "poses": 6,
-        "first_round": 4,
+        "anatomy": ANATOMY, "mesh": {**mesh, "element": "linear"}, "simulation": simulation, "hybrid": {"modes": 6},
+        "poses": 6, "first_round": 4,
     }
     run = {**RUN, "mesh": mesh, "simulation": simulation, "models": MODELS, "evaluation": {"pictures": False}}
     profile = PROFILE | {"simulation": {**PROFILE["simulation"], "timeout": TIMEOUT}, "timeout": 6.0 * TIMEOUT}
