@@ -83,7 +83,7 @@ def test_onboarding_gives_the_prior_first_and_learns_when_asked_again(onboarded)
     assert any("hybrid.json" in str(name) for name in after_prior)
     rounds = read_json(run / "rounds.json")["rounds"]
     assert [entry["stage"] for entry in rounds] == ["prior", "4 poses", "6 poses"]
-    assert rounds[1]["model_mee"] == pytest.approx(rounds[1]["prior_mee"], rel=1e-5)  # single precision; nothing learned yet
+    assert rounds[1]["model_mee"] == pytest.approx(rounds[1]["prior_mee"], rel=1e-5)  # nothing learned yet
     predictor = HybridPredictor.load(run / "bundle")
     assert predictor.name == "Hybrid"
     assert predictor.model.about["training_samples"] > 0
