@@ -69,7 +69,8 @@ def onboarded(tmp_path_factory):
     folder = tmp_path_factory.mktemp("onboard")
     config = folder / "config.json"
     config.write_text(json.dumps({
-        "anatomy": ANATOMY, "mesh": {**MESH, "element": "linear"}, "simulation": SIMULATION, "first_round": 4, "hybrid": {"modes": 4},
+        "anatomy": ANATOMY, "mesh": {**MESH, "element": "linear"}, "simulation": SIMULATION,
+        "first_round": 4, "hybrid": {"modes": 4},
     }))
     words = ("onboard", "phantom", "--config", config, "--no-pictures", "--out", folder / "run")
     done(*words, "--poses", 0)
