@@ -15,7 +15,6 @@ an energy then governs, and the answer says that it did not converge.
 """
 
 from collections.abc import Sequence
-from copy import copy
 from dataclasses import replace
 
 import numpy as np
@@ -82,16 +81,6 @@ class PriorContact:
             prior.mesh.node_points, candidate_triangles(prior.mesh, prior.nodes), prior.nodes,
             prior.own_compliance, config,
         )
-
-    def hurried(self, *, cuts: int = 1) -> "PriorContact":
-        """The same contact, that gives up sooner where a step does not converge: for live use.
-
-        Args:
-            cuts: a step may be halved so often.
-        """
-        other = copy(self)
-        other.cuts = cuts
-        return other
 
     def at_the_rim(self, nodes: IntArray) -> bool:
         """Whether one of some candidate nodes lies at the rim of the skin between the candidates."""

@@ -92,6 +92,10 @@ def follow(  # type: ignore[no-untyped-def]
             used += iterations
             if not converged:
                 guess += 1
+                if guess == 1 and ratio == 0.0 and not lift.any():
+                    guess = 2  # nothing to go on with: the first two guesses are one
+                if guess == 3:
+                    break  # each was tried once
                 continue
             answer = np.zeros(3 * n)
             for i in range(len(nodes)):
