@@ -68,7 +68,7 @@ def brief(data: Data) -> str:
             a / b for number, linear in values["forces"].get("linear", {}).items()
             for a, b in zip(linear, values["forces"].get("quadratic", {}).get(number, []), strict=False)
         ]
-        if ratios:
+        if ratios and not values["rows"]:
             lines.append(
                 f"- {words}: linear cells press back {min(ratios):.2f} to {max(ratios):.2f} times as hard as quadratic "
                 "ones on the same mesh."

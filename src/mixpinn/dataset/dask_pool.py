@@ -7,6 +7,7 @@ from typing import Any
 from mixpinn.base.errors import InputError
 from mixpinn.dataset.local_pool import MAX_ATTEMPTS, Event
 from mixpinn.dataset.protocol import Pose
+from mixpinn.dataset.status import PoseState
 from mixpinn.dataset.store import SimulationStore
 from mixpinn.dataset.worker import Runner, run_pose
 
@@ -63,21 +64,30 @@ def run_dask(
     # Workers have working directories of their own.
     store = replace(store, folder=store.folder.resolve())
     with connect_dask(scheduler) as client:
-        from distributed import as_completed
+        from distributed import KilledWorker, as_completed
 
         held = client.submit(_hold, scene, pure=False)
         by_key = {pose.name: pose for pose in poses}
-        futures = [
-            client.submit(run_pose, store, held, runner, pose, key=f"{store.folder}:{pose.name}", pure=False, retries=1)
-            for pose in poses
-        ]
-        for future in as_completed(futures, loop=client.loop):
-            pose = by_key[str(future.key).rsplit(":", 1)[-1]]
-            if future.status == "finished":
-                yield Event(pose, future.result())
-            else:
-                cause = future.exception()
-                if isinstance(cause, InputError):
-                    raise cause
-                yield Event(pose, store.fail(pose, f"{type(cause).__name__}: {cause}", attempts=MAX_ATTEMPTS))
+
+        def submit(pose: Pose, attempt: int) -> Any:
+            key = f"{store.folder}:{attempt}:{pose.name}"
+            return client.submit(run_pose, store, held, runner, pose, key=key, pure=False, retries=1)
+
+        futures = as_completed([submit(pose, 1) for pose in poses], loop=client.loop)
+        for future in futures:
+            _, attempt, name = str(future.key).rsplit(":", 2)
+            pose = by_key[name]
+            try:
+                status = future.result()
+            except InputError:
+                raise
+            except Exception as cause:
+                # The result can be lost with its worker after the pose was stored, and so can a task's place.
+                status = store.status(pose)
+                if status.state is not PoseState.DONE:
+                    if not isinstance(cause, KilledWorker) and int(attempt) < MAX_ATTEMPTS:
+                        futures.add(submit(pose, int(attempt) + 1))
+                        continue
+                    status = store.fail(pose, f"{type(cause).__name__}: {cause}", attempts=MAX_ATTEMPTS)
+            yield Event(pose, status)
             future.release()
