@@ -16,7 +16,7 @@ def mid_edge_labels(mesh: "TissueMesh") -> tuple[AnyArray, BoolArray]:
     An edge from one wall of a rigid part to another of its walls runs through tissue, and its middle is soft though
     both ends are rigid. The middle belongs to a part only where the edge lies on that part's surface: where it is
     the side of a boundary face whose three nodes are the part's. Likewise it is fixed only where the edge is the side
-    of a skin face and both of its ends are fixed.
+    of a skin face and both of its ends are fixed; that of a part's is held where the part is.
 
     Returns:
         Part of each middle, int16, shape (e,), and whether it is fixed, bool, shape (e,); rows as in `mesh.edges`.
@@ -30,6 +30,8 @@ def mid_edge_labels(mesh: "TissueMesh") -> tuple[AnyArray, BoolArray]:
     fixed = np.zeros(len(mesh.edges), dtype=bool)
     fixed[edge_index(mesh, _sides(mesh.skin_faces))] = True
     fixed &= mesh.fixed[mesh.edges].all(axis=1)
+    held = [k for k in np.unique(part[part > 0]) if mesh.fixed[mesh.part == k].all()]
+    fixed |= np.isin(part, held)
     return part, fixed
 
 

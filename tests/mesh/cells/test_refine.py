@@ -3,6 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fem.block_mesh import carved, two_bones
 from mesh.shapes import box_mesh
 from mixpinn.mesh import mesh_quality, refine
 from mixpinn.records import TissueMesh
@@ -106,3 +107,13 @@ def test_edges_are_found_in_either_order():
     mesh = box_mesh((2, 2, 2))
     rows = np.random.default_rng(0).permutation(len(mesh.edges))
     np.testing.assert_array_equal(edge_index(mesh, mesh.edges[rows][:, ::-1]), rows)
+
+
+def test_a_part_that_is_held_is_held_where_it_is_cut_finer() -> None:
+    carved_block = carved(two_bones())
+    mesh = replace(carved_block, fixed=carved_block.part == 1)
+    assert mesh.held_parts.tolist() == [True, False]
+    finer = refine(mesh)
+    assert finer.held_parts.tolist() == [True, False]
+    assert finer.fixed[finer.part == 1].all()
+    assert finer.with_order(2).node_fixed[finer.with_order(2).node_part == 1].all()
