@@ -12,8 +12,6 @@ import pytest
 
 from benchmarks.stream import drag
 from mixpinn.base.errors import InputError
-from mixpinn.press.files import save_pose_model
-from mixpinn.records import MESH_FILE
 from mixpinn.server.igtl.header import HEADER_SIZE, Header
 from mixpinn.server.igtl.message import Message
 from mixpinn.server.igtl.polydata import PolyDataBody
@@ -21,16 +19,12 @@ from mixpinn.server.igtl.ras import RasFrame
 from mixpinn.server.igtl.run import StreamSettings, stream_bundle
 from mixpinn.server.igtl.stream import StreamConfig
 from mixpinn.server.igtl.transform import TransformBody
-from serving.live.pressed import block_predictor
+from serving.live.pressed import block_predictor, save_bundle
 
 
 @pytest.fixture(scope="module")
 def bundle(tmp_path_factory):
-    folder, predictor = tmp_path_factory.mktemp("bundle"), block_predictor()
-    predictor.mesh.save(folder / MESH_FILE)
-    predictor.model.save(folder)
-    save_pose_model(predictor.pose, folder)
-    return folder
+    return save_bundle(block_predictor(), tmp_path_factory.mktemp("bundle"))
 
 
 def _read(line):

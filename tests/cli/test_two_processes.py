@@ -8,10 +8,8 @@ import numpy as np
 import pytest
 
 from mixpinn.dataset import SimulationStore
-from mixpinn.press.files import save_pose_model
-from mixpinn.records import MESH_FILE
 from pipeline.chain import command, contents, done
-from serving.live.pressed import block_predictor
+from serving.live.pressed import block_predictor, save_bundle
 
 HOLD = "import sys; from mixpinn.base.lock import acquire; acquire(sys.argv[1]); print('held', flush=True); " \
     "sys.stdin.read()"
@@ -26,15 +24,6 @@ def at_work(tmp_path):
     assert process.stdout.readline() == "held\n"
     yield tmp_path / "out", process.pid
     process.communicate()
-
-
-def pressed_bundle(folder):
-    """A bundle that takes poses."""
-    predictor = block_predictor()
-    predictor.mesh.save(folder / MESH_FILE)
-    predictor.model.save(folder)
-    save_pose_model(predictor.pose, folder)
-    return folder
 
 
 def test_every_verb_is_refused_in_a_folder_that_another_process_works_in(chain, at_work, tmp_path):
@@ -53,7 +42,7 @@ def test_every_verb_is_refused_in_a_folder_that_another_process_works_in(chain, 
             "import", "sofa", tmp_path, "--mesh", chain.mesh, "--positions", tmp_path / "positions.txt",
             "--paper-constants", "--out", out,
         ],
-        ["assess", pressed_bundle(tmp_path / "bundle"), "--poses", "1", "--out", out],
+        ["assess", save_bundle(block_predictor(), tmp_path / "bundle"), "--poses", "1", "--out", out],
     ):
         outcome = command(*words)
         assert outcome.code == 2, words

@@ -14,10 +14,9 @@ from cli.test_ablate import SETTINGS as ABLATE
 from cli.test_profile import SETTINGS as PROFILE
 from drill.kill_drill import TIMEOUT, Verb, killed, two_at_once, whole
 from mixpinn.dataset import SimulationStore
-from mixpinn.press.files import save_pose_model
 from mixpinn.records import MESH_FILE, TissueMesh
 from pipeline.chain import ANATOMY, MESH, MODELS, RUN, SIMULATION
-from serving.live.pressed import block_predictor
+from serving.live.pressed import block_predictor, save_bundle
 
 KINDS = ("SIGKILL", "SIGTERM", "SIGINT", "worker")
 SHORT = {"mesh": ("SIGKILL",)}
@@ -72,20 +71,14 @@ def verbs(chain, tmp_path_factory):
             "import", "sofa", str(recordings(chain, folder)), "--mesh", str(chain.mesh), "--positions",
             str(folder / "positions.txt"), "--paper-constants",
         ],
-        "assess": ["assess", str(block_bundle(folder)), "--poses", "1", "--depth", "1", "--threads", "1"],
+        "assess": [
+            "assess", str(save_bundle(block_predictor(), folder / "bundle")), "--poses", "1", "--depth", "1",
+            "--threads", "1",
+        ],
     }
     assert set(commands) == set(NAMES)
     outs = {"dataset": None, "predict": "answer.vtu"}
     return {name: Verb(name, tuple(words), out=outs.get(name, "out")) for name, words in commands.items()}
-
-
-def block_bundle(folder):
-    """A bundle that takes poses, of a block."""
-    predictor, bundle = block_predictor(), folder / "bundle"
-    predictor.mesh.save(bundle / MESH_FILE)
-    predictor.model.save(bundle)
-    save_pose_model(predictor.pose, bundle)
-    return bundle
 
 
 def recordings(chain, folder):

@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 
 from drill.service_drill import Service, killed
-from mixpinn.press.files import save_pose_model
-from mixpinn.records import MESH_FILE
-from serving.live.pressed import block_predictor
+from serving.live.pressed import block_predictor, save_bundle
 
 KINDS = ("SIGTERM", "SIGINT", "SIGKILL", "SIGSTOP")
 SHORT = {("serve", "SIGINT")}
@@ -17,11 +15,7 @@ SHORT = {("serve", "SIGINT")}
 
 @pytest.fixture(scope="module")
 def bundle(tmp_path_factory):
-    folder, predictor = tmp_path_factory.mktemp("bundle"), block_predictor()
-    predictor.mesh.save(folder / MESH_FILE)
-    predictor.model.save(folder)
-    save_pose_model(predictor.pose, folder)
-    return folder
+    return save_bundle(block_predictor(), tmp_path_factory.mktemp("bundle"))
 
 
 def service(name, bundle):

@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from mixpinn.fem import SuperLUSolver
-from mixpinn.reduced.correction import choose_correction, learned_share
+from mixpinn.reduced.correction import choose_correction, learned_share, smaller
 from mixpinn.reduced.fit import HybridConfig, fit_hybrid
 from mixpinn.reduced.hybrid import features
 from mixpinn.reduced.prior import ElasticPrior
@@ -128,3 +128,12 @@ def test_few_presses_of_ten_node_cells_leave_the_model_no_worse_than_the_prior(p
     newton[: len(model.newton.modes)] = model.newton_length * np.eye(len(model.newton.modes))
     physics = mean_error(replace(model, gain=newton, reach=np.inf), test)
     assert mean_error(model, test) <= 1.02 * min(mean_error(prior, test), physics)
+
+
+def test_errors_are_smaller_for_sure_by_more_than_their_standard_error():
+    """Two samples a position; the positions gain 1, 2 and 3: 2 on average, with a standard error of 1/√3."""
+    part, than = np.array([0, 0, 1, 1, 2, 2]), np.full(6, 5.0)
+    gained = np.array([0.0, 2.0, 1.0, 3.0, 2.0, 4.0])
+    assert smaller(than - gained, than, part, margin=True)
+    assert not smaller(than - gained + 1.5, than, part, margin=True)  # 0.5 on average
+    assert smaller(than - gained + 1.5, than, part, margin=False)

@@ -16,6 +16,7 @@ from mixpinn.press.error_law import PoseErrorLaw
 from mixpinn.press.model import PoseCorrection, PoseModel, Uncorrected
 from mixpinn.records import SampleTable
 from mixpinn.reduced.coordinates import ReducedCoordinates
+from mixpinn.reduced.correction import smaller
 from mixpinn.reduced.modes import coefficients, principal_modes
 from mixpinn.reduced.quadratic_features import quadratic_features
 from mixpinn.reduced.ridge import column_norms, ridge
@@ -108,7 +109,8 @@ def fit_pose(
             "pose correction", expected="samples at two positions or more", got=f"at {len(positions)}",
             fix="simulate more poses",
         )
-    fold = np.searchsorted(positions, samples.group) % min(folds, len(positions))
+    part = np.searchsorted(positions, samples.group)
+    fold = part % min(folds, len(positions))
     weights = model.hybrid.prior.coordinates.weights
     modes = principal_modes(samples.missed, weights, n_modes, rng=np.random.default_rng(seed))
     targets = np.concatenate([coefficients(modes, weights, samples.missed), samples.missed_wrench], axis=1)
@@ -119,8 +121,8 @@ def fit_pose(
         features = quadratic_features(samples.coordinates[:, :k] / scale)
         for strength in RIDGES:
             left = np.empty_like(targets)
-            for part in np.unique(fold):
-                out = fold == part
+            for one in np.unique(fold):
+                out = fold == one
                 known = features[~out]
                 left[out] = features[out] @ ridge(known, targets[~out], penalty=strength, scale=column_norms(known))
             solved = ridge(features, targets, penalty=strength, scale=column_norms(features))
@@ -131,12 +133,12 @@ def fit_pose(
             best.append((field_error, force_error, found, left))
     field, force = min(best, key=lambda found: found[0]), min(best, key=lambda found: found[1])
     left = np.concatenate([field[3][:, :-6], force[3][:, -6:]], axis=1)
-    if not surely_smaller(targets[:, FIELD], targets[:, FIELD] - left[:, FIELD], samples.group):
+    if not _helps(targets[:, FIELD], left[:, FIELD], part):
         left[:, :-6] = 0.0
-        field = (*field[:2], replace(field[2], gain=np.zeros_like(field[2].gain)), left)
-    if not surely_smaller(targets[:, FORCE], targets[:, FORCE] - left[:, FORCE], samples.group):
+        field[2].gain[:] = 0.0
+    if not _helps(targets[:, FORCE], left[:, FORCE], part):
         left[:, -6:] = 0.0
-        force = (*force[:2], replace(force[2], wrench_gain=np.zeros_like(force[2].wrench_gain)), left)
+        force[2].wrench_gain[:] = 0.0
     # One set of features serves both: coordinates of the larger choice, with zero rows where the other has none.
     correction = replace(_joined(field[2], force[2]), largest=_largest(model, samples, targets))
     depths = np.array([base.contact.depths[0] for base in samples.base])
@@ -144,16 +146,9 @@ def fit_pose(
     return replace(model, correction=correction, domain=domain, error=_calibrate(model, samples, modes, left))
 
 
-def surely_smaller(before: FloatArray, after: FloatArray, group: IntArray) -> bool:
-    """Whether errors have shrunk by more than chance may do with so few groups: by their mean's standard error.
-
-    Args:
-        before, after: errors of the samples, shapes (N, t).
-        group: of each sample, shape (N,); samples of one group err together.
-    """
-    gained = np.linalg.norm(before, axis=1) - np.linalg.norm(after, axis=1)
-    each = np.array([gained[group == one].mean() for one in np.unique(group)])
-    return bool(each.mean() > each.std(ddof=1) / np.sqrt(len(each)))
+def _helps(targets: FloatArray, left: FloatArray, part: IntArray) -> bool:
+    """Whether corrections `left` (N, t) of targets (N, t) help for sure at positions that were left out."""
+    return smaller(np.linalg.norm(targets - left, axis=1), np.linalg.norm(targets, axis=1), part, margin=True)
 
 
 def _largest(model: PoseModel, samples: PoseSamples, targets: FloatArray) -> FloatArray:

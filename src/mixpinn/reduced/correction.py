@@ -214,7 +214,7 @@ def choose_correction(
             found = [(_cross_validate(choice, left, len(part)), choice) for choice in tried]
             errors, choice = min(found, key=lambda each: float(each[0].mean()))
             report[choice.kind.value] = float(errors.mean())
-            if _better(errors, least, part, margin=choice.penalty > 0.0):
+            if smaller(errors, least, part, margin=choice.penalty > 0.0):
                 best, least = choice, errors
     gain, length = best.fit(whole)
     return gain.astype(np.float32), {
@@ -232,10 +232,11 @@ def _cross_validate(choice: _Choice, left: Sequence[_Fold], count: int) -> Float
     return errors
 
 
-def _better(errors: FloatArray, than: FloatArray, part: IntArray, *, margin: bool) -> bool:
-    """Whether errors (S,) are smaller `than` others on average over the positions `part` (S,).
+def smaller(errors: FloatArray, than: FloatArray, part: IntArray, *, margin: bool) -> bool:
+    """Whether errors (S,) are smaller `than` others on average over the positions `part` (S,), 0, 1, ….
 
-    With a `margin`, by more than the standard error.
+    Samples of one position err together. With a `margin`, by more than the standard error: by what chance may do with
+    so few positions.
     """
     gained = np.bincount(part, than - errors) / np.bincount(part)
     return float(gained.mean()) > margin * float(gained.std(ddof=1)) / np.sqrt(len(gained))

@@ -1,5 +1,7 @@
 """A toy bundle that takes poses, for live sessions: the block under a sphere."""
 
+from pathlib import Path
+
 import numpy as np
 
 from mixpinn.fem import SuperLUSolver
@@ -7,7 +9,9 @@ from mixpinn.geometry.probe_pose import ProbePose
 from mixpinn.geometry.probe_shapes import spherical_probe
 from mixpinn.press.contact import PriorContact
 from mixpinn.press.domain import PoseDomain
+from mixpinn.press.files import save_pose_model
 from mixpinn.press.model import PoseModel
+from mixpinn.records import MESH_FILE
 from mixpinn.reduced.equilibrium import Equilibrium
 from mixpinn.reduced.hybrid import HybridModel
 from mixpinn.reduced.modal_newton import ModalNewton
@@ -34,6 +38,16 @@ def block_predictor() -> HybridPredictor:
     contact = PriorContact.of_prior(prior)
     probe = contact.field(spherical_probe(radius=12.0, subdivisions=3))
     return HybridPredictor(hybrid, pose=PoseModel(hybrid, contact, (probe,), PoseDomain.of_mesh(mesh)))
+
+
+def save_bundle(predictor: HybridPredictor, folder: Path) -> Path:
+    """The folder, in which the predictor now lies as a bundle that takes poses."""
+    assert predictor.pose is not None
+    predictor.mesh.save(folder / MESH_FILE)
+    predictor.model.save(folder)
+    save_pose_model(predictor.pose, folder)
+    return folder
+
 
 
 def above(x: float = 18.0, z: float = 22.0, depth: float = 3.0) -> ProbePose:

@@ -6,8 +6,6 @@ import numpy as np
 import pytest
 
 from mixpinn.base.errors import InputError
-from mixpinn.press.files import save_pose_model
-from mixpinn.records import MESH_FILE
 from mixpinn.records.error_budget import BUDGET_FILE, BudgetKind, ErrorBudget
 from mixpinn.stages.budget.entries import PREDICTOR, entry_of
 from mixpinn.stages.budget.make import PAGE_FILE, make_budget
@@ -24,7 +22,7 @@ from mixpinn.stages.budget.variants import (
     base_scene,
     variants,
 )
-from serving.live.pressed import block_predictor
+from serving.live.pressed import block_predictor, save_bundle
 
 CONFIG = BudgetConfig(poses=1, depth=1.0)
 
@@ -36,11 +34,7 @@ def predictor():
 
 @pytest.fixture(scope="module")
 def bundle(predictor, tmp_path_factory):
-    folder = tmp_path_factory.mktemp("bundle")
-    predictor.mesh.save(folder / MESH_FILE)
-    predictor.model.save(folder)
-    save_pose_model(predictor.pose, folder)
-    return folder
+    return save_bundle(predictor, tmp_path_factory.mktemp("bundle"))
 
 
 @pytest.fixture(scope="module")
