@@ -39,7 +39,7 @@ def test_predict_says_them_once_in_short(chain, doubted, tmp_path):
     words = ["--contacts", contacts(chain, tmp_path), "--out", tmp_path / "out.vtu"]
     said = [line for line in done("predict", doubted, *words).lines if "doubts" in line]
     assert said == [
-        "Warning: the anatomy or its mesh was taken with doubts: cut off (vertebrae_L1); repaired (vertebrae_L2)"
+        "Warning: anatomy, mesh or probe were taken with doubts: cut off (vertebrae_L1); repaired (vertebrae_L2)"
     ]
     assert not any("doubts" in line for line in done("predict", chain.model, *words).lines)
 

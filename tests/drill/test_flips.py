@@ -14,10 +14,11 @@ from mixpinn.serving import load_predictor
 from mixpinn.stages.anatomy import AnatomyConfig, make_anatomy
 from mixpinn.stages.mesh import MeshConfig, MeshResult, make_mesh
 from mixpinn.stages.prior import cached_prior
+from mixpinn.training import read_history
 from pipeline.chain import ANATOMY, MESH
 from stages.test_seal import bundle  # noqa: F401 (a fixture)
 
-KINDS = ("bundle", "network", "labels", "anatomy", "mesh", "mesh run", "store", "simulation", "cache")
+KINDS = ("bundle", "network", "losses", "labels", "anatomy", "mesh", "mesh run", "store", "simulation", "cache")
 
 
 def predicted(folder):
@@ -46,6 +47,10 @@ def anatomy_of(folder):
     """The stage again, which takes over what lies there."""
     result = make_anatomy(build_config(AnatomyConfig, ANATOMY), out=folder)
     return result.label_map.hash(), result.label_map.names, [str(finding) for finding in result.findings]
+
+
+def losses_of(folder):
+    return str(read_history(folder))
 
 
 def mesh_of(folder):
@@ -91,6 +96,7 @@ def artefact(chain, bundle, tmp_path, monkeypatch):  # noqa: F811
             "prior/compliance.npy", "prior/manifest.json",
         )),
         "network": Artefact(chain.model, predicted, ("model.json", "weights.safetensors", "mesh.vtu", "manifest.json")),
+        "losses": Artefact(chain.model, losses_of, ("history.csv", "manifest.json")),
         "labels": Artefact(chain.anatomy, labels_of, ("labels.nii.gz", "labels.json", "labels.manifest.json")),
         "anatomy": Artefact(chain.anatomy, anatomy_of, ("findings.json", "run.json", "labels.json")),
         "mesh": Artefact(chain.mesh, mesh_of, (

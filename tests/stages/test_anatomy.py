@@ -1,5 +1,6 @@
 import json
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -167,3 +168,15 @@ def test_patient_works_without_flags(shared_data):
     assert result.label_map.rigid_names == tuple(f"vertebrae_L{i}" for i in range(1, 6))
     assert {finding.kind for finding in result.findings} == {"touch"}
     assert len(result.findings) == 4
+
+
+def test_an_image_upside_down_is_refused_and_may_be_accepted(tmp_path):
+    """Whether it is turned or mirrored: its left and right cannot be told apart from its matrix any more."""
+    structures = masks()
+    structures["vertebrae_L3"] = block((4, 4, 1), (7, 7, 3))
+    source = write_folder(tmp_path / "in", structures, np.diag([10.0, 10.0, -10.0, 1.0]))
+    config = AnatomyConfig(source="folder", path=str(source), repair=True)
+    with pytest.raises(InputError, match=r"upside down, so that left may be right.*accept=\[.direction.\]"):
+        make_anatomy(config)
+    doubts = make_anatomy(replace(config, accept=("direction",))).label_map.doubts
+    assert any("upside down" in doubt for doubt in doubts)

@@ -8,8 +8,17 @@ from mixpinn.base.config import build_config
 from mixpinn.base.errors import InputError, SolveError
 from mixpinn.base.rundir import is_finished
 from mixpinn.dataset import PoseState, SimulationStore
+from mixpinn.geometry.probe_shapes import linear_probe
 from mixpinn.records import TissueMesh
-from mixpinn.stages.simulation import PAPER_TISSUE_CONFIG, SimulationConfig, TissueConfig, make_scene, make_simulations
+from mixpinn.records.doubts import in_short
+from mixpinn.stages.simulation import (
+    PAPER_TISSUE_CONFIG,
+    SimulationConfig,
+    TissueConfig,
+    begin_simulations,
+    make_scene,
+    make_simulations,
+)
 from pipeline.chain import SIMULATION
 
 
@@ -88,3 +97,18 @@ def test_simulations_of_which_no_step_converged_are_an_error(mesh, config, tmp_p
     with pytest.raises(SolveError, match=r"none of 1 steps converged") as caught:
         make_simulations(mesh, hasty, out=tmp_path / "out")
     assert len(str(caught.value).splitlines()) == 1
+
+
+def test_a_probe_in_another_unit_is_a_doubt_that_stays_with_the_simulations(mesh, config, tmp_path):
+    probe = linear_probe()
+    replace(probe, points=probe.points * 0.1).save(tmp_path / "cm.stl")
+    doubted = make_scene(mesh, SimulationConfig(probe=str(tmp_path / "cm.stl"))).mesh
+    assert doubted.doubts[:-1] == mesh.doubts
+    assert "centimetres or inches?" in doubted.doubts[-1]
+    assert in_short(doubted.doubts[-1:]) == "size (probe)"
+    assert doubted.hash() == mesh.hash()
+    assert make_scene(doubted, SimulationConfig(probe=str(tmp_path / "cm.stl"))).mesh.doubts == doubted.doubts
+    assert make_scene(doubted, SimulationConfig()).mesh.doubts == mesh.doubts
+    out = tmp_path / "out"
+    begin_simulations(mesh, SimulationConfig(probe=str(tmp_path / "cm.stl"), protocol=config.protocol), out=out)
+    assert SimulationStore.open(out / "store").mesh().doubts == doubted.doubts

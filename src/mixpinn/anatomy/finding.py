@@ -20,7 +20,7 @@ _ADVICE: dict[Kind, tuple[str, str]] = {
     "outside": ("a rigid part inside the body", "check that both belong to one image, or ask for repair"),
     "affine": ("a header that says one thing", "write the image again with the one that is right"),
     "scale": ("lengths of a human body in mm", "write the image's spacing in mm"),
-    "direction": ("a spine along the body, behind its middle", "write the image's matrix in RAS"),
+    "direction": ("a spine along the body, head up, behind its middle", "write the image's matrix in RAS"),
     "numbering": ("numbers that mean what the name table says", "give --names with the table of this image"),
     "cut off": ("skin on the side that is pressed", "reconstruct the image with a larger field of view"),
 }
@@ -36,8 +36,8 @@ class Finding:
             "outside" (voxels outside the body), "exposed" (a rigid part at the body's surface), "cut off" (the
             structure reaches the image's border), "affine" (the header contradicts itself), "grid" (masks on grids
             that differ), "values" (labels that were rounded), "scale" (lengths of no human body), "direction" (the
-            spine lies in front), "numbering" (structures that are not what the name table calls them), "size" (a
-            vertebra unlike its neighbours), "missing" (a vertebra that should be there, or one too many), "table"
+            spine lies in front, or is upside down), "numbering" (structures that are not what the name table calls
+            them), "size" (a vertebra unlike its neighbours), "missing" (one that should be there, or too many), "table"
             (something behind the back that belongs to the body's mask), "part" and "layer" (nothing wrong: what a
             bone is taken as, and what of a tissue a mesh can hold).
         structure: its name, or two names joined by " and ".

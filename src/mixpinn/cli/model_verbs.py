@@ -186,5 +186,5 @@ def predict(
     for line in answer.warnings():
         warn(line)
     if answer.mesh.doubts:
-        warn(f"the anatomy or its mesh was taken with doubts: {in_short(answer.mesh.doubts)}")
+        warn(f"anatomy, mesh or probe were taken with doubts: {in_short(answer.mesh.doubts)}")
     say(f"Deformed mesh: {out}")

@@ -35,6 +35,7 @@ from mixpinn.serving import AnyPredictor, HybridPredictor, Predictor, load_predi
 from mixpinn.stages.prior import cached_prior
 from mixpinn.stages.restraints import describe
 from mixpinn.stages.samples import choose_samples
+from mixpinn.training.history import HISTORY_FILE, check_history
 
 BODY_PICTURE = "body.png"
 REPORT, WEIGHTS = "report.html", ("weights.safetensors", "hybrid.safetensors")
@@ -153,7 +154,10 @@ def evaluate_models(
         with contextlib.suppress(InputError):  # joints of one's own law are not read back
             draw_body(mesh, store.restraints(), out / BODY_PICTURE)
             pictures = (*pictures, Picture(out / BODY_PICTURE, "Tissues, bones, joints and supports of this body."))
-    histories = {Path(folder) / "history.csv": candidates[-len(models) + i].name for i, folder in enumerate(models)}
+    histories = {candidates[-len(models) + i].name: Path(folder) / HISTORY_FILE for i, folder in enumerate(models)}
+    histories = {name: path for name, path in histories.items() if path.exists()}
+    for path in histories.values():
+        check_history(path.parent)
     report = write_report(out, ReportContent(
         title=background.title, evaluations=tuple(evaluations), introduction=background.introduction,
         discretisation=store.discretisation,
@@ -161,7 +165,7 @@ def evaluate_models(
         dataset=dataset_counts_table(dataset_table(table, split), with_paper=config.with_paper),
         setup=(*background.setup, *_doubts(mesh)), protocol=_protocol(store, mesh.tissue_names), pictures=pictures,
         picture_note=note,
-        loss_logs={name: path for path, name in histories.items() if path.exists()},
+        loss_logs=histories,
         stage_seconds=background.stage_seconds or {}, fem_seconds=_seconds_a_step(background.summary),
         provenance={
             "Versions": versions(), "Identity": {"mesh": mesh.hash(), "simulations": store.identity},
@@ -178,7 +182,8 @@ def _doubts(mesh: TissueMesh) -> tuple[Table, ...]:
     """What was noticed about anatomy and mesh, where there is anything."""
     if not mesh.doubts:
         return ()
-    return (Table("Doubts about anatomy and mesh", ("What was noticed",), tuple((doubt,) for doubt in mesh.doubts)),)
+    rows = tuple((doubt,) for doubt in mesh.doubts)
+    return (Table("Doubts about anatomy, mesh and probe", ("What was noticed",), rows),)
 
 
 def _identity(table: SampleTable) -> str:

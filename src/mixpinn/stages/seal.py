@@ -12,6 +12,7 @@ from mixpinn.records.label_map import label_map_files
 from mixpinn.reduced import hybrid, prior
 from mixpinn.stages.anatomy import LABELS_FILE
 from mixpinn.stages.mesh import MESH_RUN, MESH_RUN_FILES
+from mixpinn.training.history import HISTORY_FILE
 
 _LABELS = label_map_files(Path(LABELS_FILE))
 _STORE = "store"
@@ -36,7 +37,7 @@ def seal_folder(folder: Path | str) -> list[tuple[Path, Artefact]]:
         (where, artefact, names) for where, artefact, names in (
             (folder, _LABELS, (LABELS_FILE, LABELS_FILE.replace(".nii.gz", ".json"))),
             (folder, store.STORE, (store.RECORD, MESH_FILE, store.PROBE)),
-            (folder, checkpoint.NETWORK, (checkpoint.MODEL_FILE, checkpoint.WEIGHTS_FILE, MESH_FILE)),
+            (folder, checkpoint.NETWORK, (checkpoint.MODEL_FILE, checkpoint.WEIGHTS_FILE, MESH_FILE, HISTORY_FILE)),
             (folder, prior.PRIOR, prior.FILES),
             (folder / hybrid.PRIOR_FOLDER, prior.PRIOR, prior.FILES),
             (folder, hybrid.BUNDLE, (*hybrid.FILES, BUDGET_FILE)),

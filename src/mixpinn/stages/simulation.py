@@ -55,6 +55,8 @@ from mixpinn.stages.restraints import (
 )
 
 STORE = "store"
+_PROBE = "probe: size: "
+"""How a doubt about the probe begins (`mixpinn.records.doubts`)."""
 Energy = Literal["stable", "stable-log", "linear"]
 
 
@@ -174,6 +176,8 @@ def _material(name: str, config: SimulationConfig) -> Material:
 def make_scene(mesh: TissueMesh, config: SimulationConfig) -> Scene:
     """The scene of `config` on `mesh`; where the support says so, other nodes of its mesh are fixed.
 
+    What is odd about the probe is said, and stays among the doubts of the scene's mesh.
+
     Raises:
         InputError: a tissue or a part that the mesh does not have, no frames for joints, or an unreadable probe.
     """
@@ -186,14 +190,21 @@ def make_scene(mesh: TissueMesh, config: SimulationConfig) -> Scene:
         )
     materials = tuple(_material(name, config) for name in mesh.tissue_names)
     probe = linear_probe() if config.probe is None else Probe.load(config.probe)
-    for line in check_probe(probe):
-        console.print(f"[yellow]warning[/]: {line}", soft_wrap=True)
+    mesh = _with_doubts(mesh, check_probe(probe))
     mesh, foundations = supported(mesh, config.support)
     joints = joints_between(mesh, config.joints, frames=config.joint_frames)
     return Scene(
         mesh, probe, materials, config.contact, config.solver, joints=joints, foundations=foundations,
         membrane=MEMBRANES[config.membrane],
     )
+
+
+def _with_doubts(mesh: TissueMesh, noticed: Sequence[str]) -> TissueMesh:
+    """`mesh` with what was noticed about its probe, which is said, too; what another probe left there is gone."""
+    for line in noticed:
+        console.print(f"[yellow]warning[/]: {line}", soft_wrap=True)
+    kept = tuple(doubt for doubt in mesh.doubts if not doubt.startswith(_PROBE))
+    return replace(mesh, doubts=(*kept, *(_PROBE + line for line in noticed)))
 
 
 def for_patients(config: SimulationConfig, soft_names: Sequence[str]) -> SimulationConfig:

@@ -10,6 +10,7 @@ from typing import Literal
 
 from mixpinn.base.errors import InputError
 from mixpinn.base.files import write_text
+from mixpinn.networks.checkpoint import NETWORK
 
 HISTORY_FILE = "history.csv"
 _REMAKE = "delete the folder and train again"
@@ -58,21 +59,37 @@ class TrainingResult:
 
 
 def write_history(folder: Path | str, history: Sequence[EpochRecord]) -> None:
-    """Write ``history.csv``, atomically; floats in the shortest form that reads back to the same bits."""
+    """Write ``history.csv``, atomically; floats in the shortest form that reads back to the same bits.
+
+    The manifest of the network in `folder`, where there is one, lists it from then on.
+    """
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow([field.name for field in fields(EpochRecord)])
     writer.writerows(astuple(record) for record in history)
     write_text(Path(folder) / HISTORY_FILE, text.getvalue())
+    if NETWORK.is_sealed(folder):
+        NETWORK.seal_more(folder, [HISTORY_FILE])
+
+
+def check_history(folder: Path | str) -> None:
+    """Compare ``history.csv`` with the manifest beside it; one that no manifest lists is of an older version.
+
+    Raises:
+        InputError: it was altered.
+    """
+    if NETWORK.is_sealed(folder) and NETWORK.lists(folder, HISTORY_FILE):
+        NETWORK.check(folder, HISTORY_FILE)
 
 
 def read_history(folder: Path | str) -> tuple[EpochRecord, ...]:
     """Read the ``history.csv`` of a run.
 
     Raises:
-        InputError: absent or damaged.
+        InputError: absent, damaged or altered.
     """
     path = Path(folder) / HISTORY_FILE
+    check_history(folder)
     try:
         with path.open(newline="") as file:
             records = tuple(

@@ -158,8 +158,8 @@ def _run(fabric: "Fabric", job: TrainingJob) -> StopReason:
                     _write_epoch(job, module, optimizer, history, schedule, identity)
                     log.add(record)
         if leads:
-            write_history(job.folder, history)
             describe_training(job.folder, job.model_config, job.mesh, job.summary(history, reason))
+            write_history(job.folder, history)  # listed in the manifest that stands now
         fabric.barrier()
     return reason
 

@@ -128,8 +128,9 @@ def test_order_along_the_spine():
 def test_order_follows_the_affine():
     flipped = np.diag([1.0, 1.0, -1.0, 1.0])
     finding, = check(segmentation(named("vertebrae_L1", "vertebrae_L2", "vertebrae_L3"), affine=flipped))
-    assert finding.kind == "order"
+    assert finding.kind == "direction"
     assert "upside down" in finding.detail
+    assert finding.error
     assert not finding.repairable
 
 

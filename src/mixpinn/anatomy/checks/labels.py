@@ -92,11 +92,12 @@ def _check_order(segmentation: Segmentation) -> Iterator[Finding]:
     if found != right:
         reverse = is_upside_down(found, right)
         wrong = sum(part.n_voxels for part, name in zip(by_place, right, strict=True) if part.name != name)
-        detail = f"from the head down they are {', '.join(found)}"
-        yield Finding(
-            "order", " and ".join(right[:: len(right) - 1]), detail + "; the image may be upside down" * reverse, wrong,
-            repairable=not reverse,
-        )
+        pair, detail = " and ".join(right[:: len(right) - 1]), f"from the head down they are {', '.join(found)}"
+        if reverse:  # turned or mirrored: whichever it is, left and right of the image are in doubt
+            detail += ": the image is upside down, so that left may be right"
+            yield Finding("direction", pair, detail, wrong, repairable=False, error=True)
+        else:
+            yield Finding("order", pair, detail, wrong)
     ranks = [spine_rank(name) or 0 for name in right]
     for (upper, first), (lower, second) in pairwise(zip(right, ranks, strict=True)):
         if vertebrae_between(first, second):
