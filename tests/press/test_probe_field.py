@@ -79,3 +79,13 @@ def test_the_shadow_is_where_the_probe_comes_down(ball) -> None:
     below = np.argwhere(ball.underside < 2.0)
     np.testing.assert_array_equal(columns, [below.min(axis=0), below.max(axis=0)])
     assert shadow_columns(ball, -1e3) is None
+
+
+def test_second_derivatives_are_those_of_the_distance(ball) -> None:
+    rng, step = np.random.default_rng(4), 1e-4
+    places = rng.uniform([-6.0, -3.0, -6.0], [6.0, 2.0, 6.0], (60, 3))
+    found = ball.bend(places)
+    for r in range(3):
+        way = step * np.eye(3)[r]
+        slope = (ball.at(places + way)[1] - ball.at(places - way)[1]) / (2.0 * step)
+        np.testing.assert_allclose(found[:, r], slope, atol=1e-4 * np.abs(found).max())

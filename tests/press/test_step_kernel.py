@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from mixpinn.geometry.probe_shapes import spherical_probe
+from mixpinn.geometry.probe_shapes import linear_probe, spherical_probe
 from mixpinn.physics.contact_law import penalty
 from mixpinn.press.path_kernel import Path, Skin, follow
 from mixpinn.press.probe_field import ProbeField
 from mixpinn.press.records import PlacedFields
-from mixpinn.press.step_kernel import Contacts, solve_step
+from mixpinn.press.step_kernel import Contacts, point_force, solve_step
 
 GAP, SPRING, STIFFNESS, SMOOTHING = 2.0, 0.4, 5.0, 0.1
 ONE = np.ones((1, 1))
@@ -83,3 +83,31 @@ def test_without_friction_a_path_ends_where_one_step_does(fields):
     expected = press(fields, 0.5)
     np.testing.assert_allclose(force, expected[0], atol=1e-6)
     assert push[0, 0] == pytest.approx(expected[1][0], abs=1e-6)
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.2, 5.0])
+def test_the_slope_of_a_points_force_is_its_derivative(friction):
+    # At the rim of a disk the normal turns within few millimetres.
+    disk = ProbeField.of_probe(linear_probe(), gap=GAP)
+    low, high = disk.probe.points.min(axis=0), disk.probe.points.max(axis=0)
+    rng, step, seen = np.random.default_rng(1), 1e-5, 0
+    field = (disk.coefficients.ravel(), np.array(disk.coefficients.shape), disk.origin, disk.spacing)
+
+    def ask(place, before):
+        normal, force, slip, slope = np.empty(3), np.empty(3), np.empty(3), np.empty((3, 3))
+        push = point_force(
+            place, before, np.array([0.05, -0.1, 0.02]), 0.0, STIFFNESS, (GAP, friction, SMOOTHING), field,
+            np.empty((9, 4)), normal, force, slip, slope, (np.empty(3), np.empty(3), np.empty((3, 3)), np.empty((3, 3))),
+        )
+        return push, force, slope
+
+    for place in rng.uniform([low[0] - 1.5, -1.7, low[2] - 1.5], [high[0] + 1.5, 1.0, high[2] + 1.5], (400, 3)):
+        before = place + rng.uniform(-0.6, 0.6, 3)
+        push, force, slope = ask(place, before)
+        if push < 2.0 * STIFFNESS * SMOOTHING or disk.at(place[None])[0][0] < 0.5:
+            continue
+        seen += 1
+        moved = np.array([(ask(place + step * way, before)[1] - ask(place - step * way, before)[1]) / (2.0 * step)
+                          for way in np.eye(3)]).T
+        np.testing.assert_allclose(-slope, moved, atol=2e-4 * np.abs(slope).max())
+    assert seen > 50

@@ -81,7 +81,8 @@ def follow(  # type: ignore[no-untyped-def]
                 done = True
                 break
             nodes = _nodes_of(pairs, skin.stencil, local)
-            # The first guess goes on as the last step went, the next stays at its forces, the last begins with none.
+            # The first guess goes on as the last step went, the next stays at its forces. None begins without forces:
+            # skin that was deep in the probe would come out of it wherever it is nearest.
             ratio = length / before_length if had_earlier and before_length > 0.0 and guess == 0 else 0.0
             part, near, lift, begin = _restrict(nodes, rest, compliance, path, step, force, earlier, ratio, guess)
             contacts = _contacts(pairs, local, skin, fields, path, step, x, slip, leads, law)
@@ -90,12 +91,10 @@ def follow(  # type: ignore[no-untyped-def]
                 max(tolerance, _ON_THE_WAY), max_iterations,
             )
             used += iterations
-            if not converged:
+            if not converged or _inside(pairs, contacts, forces.push):
                 guess += 1
-                if guess == 1 and ratio == 0.0 and not lift.any():
-                    guess = 2  # nothing to go on with: the first two guesses are one
-                if guess == 3:
-                    break  # each was tried once
+                if guess == 2 or (ratio == 0.0 and not lift.any()):
+                    break  # each was tried once; with nothing to go on with the two are one
                 continue
             answer = np.zeros(3 * n)
             for i in range(len(nodes)):
@@ -122,6 +121,16 @@ def follow(  # type: ignore[no-untyped-def]
         had_earlier = True
         before_length = length
     return force, slip, push, pull, n_steps, used
+
+
+@numba.njit(cache=True, nogil=True)
+def _inside(pairs, contacts, push):  # type: ignore[no-untyped-def]
+    """Whether skin lies in a probe: farther than the gap beyond it, where forces point to wherever it is nearest."""
+    gap, _, delta = contacts.law
+    for c in range(len(pairs)):
+        if push[c] > contacts.stiffness[pairs[c, 1]] * (gap + contacts.lead[c] - 0.5 * delta):
+            return True
+    return False
 
 
 @numba.njit(cache=True, nogil=True)
@@ -152,7 +161,7 @@ def _clear(pairs, ahead, places):  # type: ignore[no-untyped-def]
         k, p = pairs[c, 0], pairs[c, 1]
         for r in range(3):
             found[c, r] = places[k, p, r]
-        if ahead[k, p] > -FAR:
+        if ahead[k, p] > -0.5 * FAR:  # off the grid of distances nothing is known
             found[c, 3] = max(0.0, -ahead[k, p])
     return found
 
@@ -194,7 +203,7 @@ def _restrict(  # type: ignore[no-untyped-def]
             if guess == 0:
                 lift[i, r] = shifts[step + 1, nodes[i], r] - shifts[step, nodes[i], r]
             here = 3 * nodes[i] + r
-            begin[3 * i + r] = force[here] + ratio * (force[here] - earlier[here]) if guess < 2 else 0.0
+            begin[3 * i + r] = force[here] + ratio * (force[here] - earlier[here])
             row, source = part[3 * i + r], compliance[here]
             for j in range(a):
                 for q in range(3):

@@ -72,6 +72,14 @@ class ProbeField:
             _underside(distance, ticks[1], gap), gap, probe,
         )
 
+    def bend(self, points: AnyArray) -> FloatArray:
+        """Second derivatives of the distance [1/mm] at points on the grid, shape (p, 3), shape (p, 3, 3)."""
+        points = np.ascontiguousarray(points, dtype=np.float64)
+        found = np.empty((len(points), 3, 3))
+        flat, shape = self.coefficients.ravel(), np.array(self.coefficients.shape)
+        _evaluate_bend(flat, shape, self.origin, self.spacing, points, found)
+        return found
+
     def at(self, points: AnyArray) -> tuple[FloatArray, FloatArray]:
         """Distance [mm], shape (p,), and its gradient, shape (p, 3), at points of the probe's frame, shape (p, 3)."""
         points = np.ascontiguousarray(points, dtype=np.float64)
@@ -221,6 +229,54 @@ def distance_at(coefficients, shape, origin, spacing, place, work, gradient):  #
 
 
 @numba.njit(cache=True, nogil=True)
+def distance_bend(coefficients, shape, origin, spacing, place, work, bend):  # type: ignore[no-untyped-def]
+    """Second derivatives of the distance at one place on the grid, filled into `bend` (3, 3); operands of the above.
+
+    `work`, (9, 4), holds in its first rows what `distance_at` left there for the same place.
+    """
+    curve = work[6:]
+    index0, index1, index2 = 0, 0, 0
+    for r in range(3):
+        at = (place[r] - origin[r]) / spacing
+        cell = int(np.floor(at))
+        t = at - cell
+        curve[r, 0], curve[r, 1], curve[r, 2], curve[r, 3] = 1.0 - t, 3.0 * t - 2.0, 1.0 - 3.0 * t, t
+        if r == 0:
+            index0 = cell - 1
+        elif r == 1:
+            index1 = cell - 1
+        else:
+            index2 = cell - 1
+    b00, b01, b02, b11, b12, b22 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for i in range(4):
+        plane, plane1, plane2, plane11, plane12, plane22 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        for j in range(4):
+            line, line2, line22 = 0.0, 0.0, 0.0
+            first = ((index0 + i) * shape[1] + index1 + j) * shape[2] + index2
+            for k in range(4):
+                c = coefficients[first + k]
+                line += work[4, k] * c
+                line2 += work[5, k] * c
+                line22 += curve[2, k] * c
+            plane += work[2, j] * line
+            plane1 += work[3, j] * line
+            plane2 += work[2, j] * line2
+            plane11 += curve[1, j] * line
+            plane12 += work[3, j] * line2
+            plane22 += work[2, j] * line22
+        b00 += curve[0, i] * plane
+        b01 += work[1, i] * plane1
+        b02 += work[1, i] * plane2
+        b11 += work[0, i] * plane11
+        b12 += work[0, i] * plane12
+        b22 += work[0, i] * plane22
+    scale = 1.0 / (spacing * spacing)
+    bend[0, 0], bend[1, 1], bend[2, 2] = b00 * scale, b11 * scale, b22 * scale
+    bend[0, 1], bend[0, 2], bend[1, 2] = b01 * scale, b02 * scale, b12 * scale
+    bend[1, 0], bend[2, 0], bend[2, 1] = bend[0, 1], bend[0, 2], bend[1, 2]
+
+
+@numba.njit(cache=True, nogil=True)
 def distance_about(coefficients, shape, origin, spacing, place):  # type: ignore[no-untyped-def]
     """About the distance at one place, linear between the spline's coefficients; a tenth of the cost of `distance_at`.
 
@@ -246,3 +302,11 @@ def _evaluate(coefficients, shape, origin, spacing, points, distance, gradient):
     work = np.empty((6, 4))
     for i in range(len(points)):
         distance[i] = distance_at(coefficients, shape, origin, spacing, points[i], work, gradient[i])
+
+
+@numba.njit(cache=True, nogil=True)
+def _evaluate_bend(coefficients, shape, origin, spacing, points, bend):  # type: ignore[no-untyped-def]
+    work, gradient = np.empty((9, 4)), np.empty(3)
+    for i in range(len(points)):
+        distance_at(coefficients, shape, origin, spacing, points[i], work, gradient)
+        distance_bend(coefficients, shape, origin, spacing, points[i], work, bend[i])

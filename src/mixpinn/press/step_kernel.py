@@ -20,10 +20,13 @@ from mixpinn.base.arrays import BoolArray, FloatArray, IntArray
 from mixpinn.physics.condensed_contact import newton_step
 from mixpinn.physics.contact_law import penalty, return_slip, slip_derivative
 from mixpinn.physics.elimination import times
-from mixpinn.press.probe_field import distance_at
+from mixpinn.press.probe_field import FAR, distance_at, distance_bend
 
 _STEEPEST = 1.3
 """The splines of distances outside probes change by less than this many times the way; 1.27 was seen."""
+
+_LARGEST_MOVE = 2.0
+"""No node moves farther than this in one iteration [mm]: skin does not pass through a probe."""
 
 # mypy cannot see through numba's decorators: the kernels are untyped, their callers are not.
 
@@ -86,21 +89,24 @@ def field_of(fields, k):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True)
-def _point_force(  # type: ignore[no-untyped-def]
-    place, before, carried, lead, stiffness, law, field, work, normal, force, slip, slope, across,
+def point_force(  # type: ignore[no-untyped-def]
+    place, before, carried, lead, stiffness, law, field, work, normal, force, slip, slope, room,
 ):
-    """Force on one point in the probe's frame, its elastic slip, and −∂force/∂place.
+    """Force on one point in the probe's frame, its elastic slip, and −∂force/∂place, exact.
 
-    Returns N, or the violation where it is negative.
+    Returns N, or the violation where it is negative and known: off the grid of distances 0.
 
-    `law` holds gap, μ and δ; `field` the coefficients, shape, origin and spacing of a `ProbeField`. Without contact
-    nothing but the slip, zero, is filled.
+    `law` holds gap, μ and δ; `field` the coefficients, shape, origin and spacing of a `ProbeField`; `work` (9, 4) and
+    `room`, two vectors and two matrices, are to work in. Without contact nothing but the slip, zero, is filled.
     """
+    across, leaning, bend, turn = room
     coefficients, shape, origin, spacing = field
     gap, friction, delta = law
     distance = distance_at(coefficients, shape, origin, spacing, place, work, normal)
     violation = gap - distance + lead
     slip[0], slip[1], slip[2] = 0.0, 0.0, 0.0
+    if distance >= FAR:
+        return 0.0
     if violation <= 0.0:
         return violation
     size = np.sqrt(normal[0] * normal[0] + normal[1] * normal[1] + normal[2] * normal[2])
@@ -109,14 +115,31 @@ def _point_force(  # type: ignore[no-untyped-def]
     for r in range(3):
         normal[r] /= size
     _, push, rise = penalty(violation, stiffness, delta)
+    # How the normal turns when the place moves: (1 − n nᵀ) ∇∇d / |∇d|.
+    distance_bend(coefficients, shape, origin, spacing, place, work, bend)
+    for c in range(3):
+        along = (normal[0] * bend[0, c] + normal[1] * bend[1, c] + normal[2] * bend[2, c]) / size
+        for r in range(3):
+            turn[r, c] = bend[r, c] / size - normal[r] * along
+    away = 0.0
     for r in range(3):
         slip[r] = carried[r] + place[r] - before[r]
+        away += slip[r] * normal[r]
+    for c in range(3):  # n · (the way) when the normal turns
+        leaning[c] = slip[0] * turn[0, c] + slip[1] * turn[1, c] + slip[2] * turn[2, c]
     hold, sticks, _ = return_slip(slip, normal, friction * push, stiffness, across)
-    for r in range(3):
-        for c in range(3):
-            slope[r, c] = rise * normal[r] * normal[c] + hold * slip_derivative(r, c, normal, across)
+    for c in range(3):
+        turned = 0.0
+        for r in range(3):
+            turned += across[r] * turn[r, c]
+        for r in range(3):
+            slope[r, c] = rise * size * normal[r] * normal[c] - push * turn[r, c]
+            # ∂T/∂e of the slip e = (1 − n nᵀ) (s₀ + p − p₀), and what the turning normal does to e.
+            slope[r, c] += hold * (slip_derivative(r, c, normal, across) - normal[r] * leaning[c])
+            slope[r, c] -= hold * away * (turn[r, c] - across[r] * turned)
             if not sticks:
-                slope[r, c] -= friction * rise * across[r] * normal[c]
+                slope[r, c] -= friction * rise * size * across[r] * normal[c]
+    for r in range(3):
         slip[r] *= hold / stiffness  # what is left of it
     for r in range(3):
         force[r] = push * normal[r] - stiffness * slip[r]
@@ -132,8 +155,8 @@ def _all_forces(x, contacts, forces):  # type: ignore[no-untyped-def]
     gradient[:] = 0.0
     touched[:] = False
     place, normal, force, slope = np.empty(3), np.empty(3), np.empty(3), np.empty((3, 3))
-    across = np.empty(3)
-    world, turned, work = np.empty((3, 3)), np.empty((3, 3)), np.empty((6, 4))
+    room = (np.empty(3), np.empty(3), np.empty((3, 3)), np.empty((3, 3)))
+    world, turned, work = np.empty((3, 3)), np.empty((3, 3)), np.empty((9, 4))
     width = stencil.shape[1]
     for c in range(len(pairs)):
         k, p = pairs[c, 0], pairs[c, 1]
@@ -154,9 +177,9 @@ def _all_forces(x, contacts, forces):  # type: ignore[no-untyped-def]
             slip[c, 0], slip[c, 1], slip[c, 2] = 0.0, 0.0, 0.0
             world_force[c, 0], world_force[c, 1], world_force[c, 2] = 0.0, 0.0, 0.0
             continue
-        push[c] = _point_force(
+        push[c] = point_force(
             place, contacts.before[c], contacts.carried[c], contacts.lead[c], contacts.stiffness[p], law,
-            field_of(contacts.fields, k), work, normal, force, slip[c], slope, across,
+            field_of(contacts.fields, k), work, normal, force, slip[c], slope, room,
         )
         seen[c, 3] = 0.0
         if push[c] <= 0.0:
@@ -281,7 +304,7 @@ def solve_step(  # type: ignore[no-untyped-def]
         inner, unknowns = _stiffness_of_touched(hessian, touched)
         if not newton_step(compliance, error, inner, unknowns, change, move):
             break
-        length, best, least = 1.0, 0.0, np.inf
+        length, best, least = min(1.0, _LARGEST_MOVE / max(np.abs(move).max(), 1e-12)), 0.0, np.inf
         for _ in range(7):
             _all_forces((rest + y - length * move).reshape(n, 3), contacts, forces)
             for i in range(m):
