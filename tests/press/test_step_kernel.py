@@ -87,11 +87,11 @@ def test_without_friction_a_path_ends_where_one_step_does(fields):
 
 @pytest.mark.parametrize("friction", [0.0, 0.2, 5.0])
 def test_the_slope_of_a_points_force_is_its_derivative(friction):
-    # At the rim of a disk the normal turns within few millimetres.
-    disk = ProbeField.of_probe(linear_probe(), gap=GAP)
-    low, high = disk.probe.points.min(axis=0), disk.probe.points.max(axis=0)
+    # At the rim of the probe the normal turns within few millimetres.
+    probe = ProbeField.of_probe(linear_probe(), gap=GAP)
+    low, high = probe.probe.points.min(axis=0), probe.probe.points.max(axis=0)
     rng, step, seen = np.random.default_rng(1), 1e-5, 0
-    field = (disk.coefficients.ravel(), np.array(disk.coefficients.shape), disk.origin, disk.spacing)
+    field = (probe.coefficients.ravel(), np.array(probe.coefficients.shape), probe.origin, probe.spacing)
 
     def ask(place, before):
         normal, force, slip, slope = np.empty(3), np.empty(3), np.empty(3), np.empty((3, 3))
@@ -103,8 +103,8 @@ def test_the_slope_of_a_points_force_is_its_derivative(friction):
 
     for place in rng.uniform([low[0] - 1.5, -1.7, low[2] - 1.5], [high[0] + 1.5, 1.0, high[2] + 1.5], (400, 3)):
         before = place + rng.uniform(-0.6, 0.6, 3)
-        push, force, slope = ask(place, before)
-        if push < 2.0 * STIFFNESS * SMOOTHING or disk.at(place[None])[0][0] < 0.5:
+        push, _, slope = ask(place, before)
+        if push < 2.0 * STIFFNESS * SMOOTHING or probe.at(place[None])[0][0] < 0.5:
             continue
         seen += 1
         moved = np.array([(ask(place + step * way, before)[1] - ask(place - step * way, before)[1]) / (2.0 * step)
