@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from mixpinn.physics.elimination import solve_in_place, times
+from mixpinn.physics.elimination import solve_in_place, symmetric_times
 
 
 @pytest.mark.parametrize("n", [1, 2, 3, 4, 5, 7, 8, 30, 61])
@@ -23,8 +23,13 @@ def test_pivots_are_sought_and_singular_matrices_noticed() -> None:
     assert not solve_in_place(np.zeros((3, 3)), np.ones(3))
 
 
-def test_products() -> None:
-    rng = np.random.default_rng(0)
-    matrix, vector, out = rng.normal(size=(7, 5)), rng.normal(size=5), np.empty(7)
-    times(matrix, vector, out)
-    assert_allclose(out, matrix @ vector)
+@pytest.mark.parametrize("n", [1, 2, 5, 12, 31])
+def test_products_with_zeros_in_between(n) -> None:
+    rng = np.random.default_rng(n)
+    matrix, out = rng.normal(size=(n, n)), np.empty(n)
+    matrix += matrix.T
+    for zeros in range(n + 1):
+        vector = rng.normal(size=n)
+        vector[rng.permutation(n)[:zeros]] = 0.0
+        symmetric_times(matrix, vector, out)
+        assert_allclose(out, matrix @ vector, rtol=1e-12, atol=1e-12)

@@ -24,7 +24,7 @@ import numba
 import numpy as np
 
 from mixpinn.base.arrays import FloatArray, IntArray
-from mixpinn.physics.elimination import dot, solve_in_place, times
+from mixpinn.physics.elimination import dot, solve_in_place, symmetric_times
 
 ContactLaw = Callable[[FloatArray, bool], tuple[FloatArray, FloatArray, IntArray]]
 """g(y, exact): forces (m,), stiffness among the touched unknowns (a, a), and these, (a,).
@@ -59,10 +59,11 @@ def newton_step(compliance, error, stiffness, touched, change, move):  # type: i
         rest, rhs = error.copy(), np.empty(a)
         for i in range(a):
             rest[touched[i]] = 0.0
+        moves = rest.any()
         matrix, inner, shifted, filled = np.zeros((a, a)), np.empty((a, a)), np.empty(a), np.empty(a, np.int64)
         for j in range(a):
             row, packed = compliance[touched[j]], inner[j]
-            shifted[j] = dot(row, rest)
+            shifted[j] = dot(row, rest) if moves else 0.0
             for c in range(a):
                 packed[c] = row[touched[c]]
         for i in range(a):
@@ -73,12 +74,14 @@ def newton_step(compliance, error, stiffness, touched, change, move):  # type: i
                     count += 1
                     value -= stiff[j] * shifted[j]
             rhs[i] = value
-            whole = count - count % 3
-            for k in range(0, whole, 3):
+            whole = count - count % 6
+            for k in range(0, whole, 6):
                 h0, h1, h2 = stiff[filled[k]], stiff[filled[k + 1]], stiff[filled[k + 2]]
+                h3, h4, h5 = stiff[filled[k + 3]], stiff[filled[k + 4]], stiff[filled[k + 5]]
                 w0, w1, w2 = inner[filled[k]], inner[filled[k + 1]], inner[filled[k + 2]]
+                w3, w4, w5 = inner[filled[k + 3]], inner[filled[k + 4]], inner[filled[k + 5]]
                 for c in range(a):
-                    row[c] += h0 * w0[c] + h1 * w1[c] + h2 * w2[c]
+                    row[c] += h0 * w0[c] + h1 * w1[c] + h2 * w2[c] + h3 * w3[c] + h4 * w4[c] + h5 * w5[c]
             for k in range(whole, count):
                 h0, w0 = stiff[filled[k]], inner[filled[k]]
                 for c in range(a):
@@ -88,7 +91,7 @@ def newton_step(compliance, error, stiffness, touched, change, move):  # type: i
         if regular:
             for i in range(a):
                 change[touched[i]] = rhs[i]
-    times(compliance, change, move)
+    symmetric_times(compliance, change, move)
     return regular
 
 

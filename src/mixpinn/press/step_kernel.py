@@ -19,7 +19,7 @@ import numpy as np
 from mixpinn.base.arrays import BoolArray, FloatArray, IntArray
 from mixpinn.physics.condensed_contact import newton_step
 from mixpinn.physics.contact_law import penalty, return_slip, slip_derivative
-from mixpinn.physics.elimination import times
+from mixpinn.physics.elimination import symmetric_times
 from mixpinn.press.probe_field import FAR, distance_at, distance_bend
 
 _STEEPEST = 1.3
@@ -260,7 +260,7 @@ def solve_step(  # type: ignore[no-untyped-def]
     n = m // 3
     lam = start.copy()
     y, moved = np.empty(m), np.empty(m)
-    times(compliance, lam, moved)
+    symmetric_times(compliance, lam, moved)
     for i in range(m):
         y[i] = -moved[i]
     count = len(contacts.pairs)
@@ -284,7 +284,7 @@ def solve_step(  # type: ignore[no-untyped-def]
         if newton_step(compliance, error, inner, unknowns, change, move):
             for i in range(m):
                 lam[i] += change[i]
-            times(compliance, lam, moved)
+            symmetric_times(compliance, lam, moved)
             for i in range(m):
                 y[i] = -moved[i]
     _all_forces((rest + y).reshape(n, 3), contacts, forces)
@@ -299,7 +299,7 @@ def solve_step(  # type: ignore[no-untyped-def]
         if np.sqrt(off) <= tolerance * max(np.sqrt(total), 1e-2):
             converged = True
             break
-        times(compliance, error, response)
+        symmetric_times(compliance, error, response)
         size = (error * response).sum()
         inner, unknowns = _stiffness_of_touched(hessian, touched)
         if not newton_step(compliance, error, inner, unknowns, change, move):
@@ -309,7 +309,7 @@ def solve_step(  # type: ignore[no-untyped-def]
             _all_forces((rest + y - length * move).reshape(n, 3), contacts, forces)
             for i in range(m):
                 error[i] = gradient[i // 3, i % 3] - lam[i] - length * change[i]
-            times(compliance, error, response)
+            symmetric_times(compliance, error, response)
             left = (error * response).sum()
             if left < least:
                 least, best = left, length
