@@ -7,7 +7,7 @@ import numpy as np
 
 from mixpinn.base.arrays import FloatArray, IntArray
 from mixpinn.press.probe_field import FAR, LINEAR_ERROR, distance_about, distance_at
-from mixpinn.press.step_kernel import Contacts, field_of, solve_step
+from mixpinn.press.step_kernel import STEEPEST, Contacts, field_of, solve_step
 
 # mypy cannot see through numba's decorators: the kernels are untyped, their callers are not.
 
@@ -66,11 +66,12 @@ def follow(  # type: ignore[no-untyped-def]
     earlier, had_earlier, before_length = force.copy(), False, 0.0
     push, pull = np.zeros((n_probes, n_points)), np.zeros((n_probes, n_points, 3))
     ahead, places = np.empty((n_probes, n_points)), np.empty((n_probes, n_points, 3))
+    asked = np.zeros((2, n_probes, n_points, 4))
     used = 0
     local = np.full(n, -1)
     for step in range(n_steps):
         x = _positions(rest, path.shifts[step], compliance, force)
-        length = _look_ahead(x, skin, fields, path, step, law[0], ahead, places)
+        length = _look_ahead(x, skin, fields, path, step, law[0], ahead, places, asked)
         slack, done, last, guess = _SLACK, False, step == n_steps - 1, 0
         for _ in range(4):
             chosen = _followed(ahead, slip, slack)
@@ -104,6 +105,8 @@ def follow(  # type: ignore[no-untyped-def]
             if last and _beside(_positions(rest, path.shifts[step + 1], compliance, answer), skin, fields, path, step,
                                 law[0], chosen):
                 slack *= 4.0
+                asked[:] = 0.0
+                _look_ahead(x, skin, fields, path, step, law[0], ahead, places, asked)
                 continue
             earlier[:] = force
             force[:] = answer
@@ -134,9 +137,12 @@ def _inside(pairs, contacts, push):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True)
-def _look_ahead(x, skin, fields, path, step, gap, ahead, places):  # type: ignore[no-untyped-def]
+def _look_ahead(x, skin, fields, path, step, gap, ahead, places, asked):  # type: ignore[no-untyped-def]
     """By how much each point may violate the gap after a step, at worst before or after the nodes shift (`ahead`), and
-    where it lies in the frame of the probe then (`places`); returns the longest way of a probe."""
+    where it lies in the frame of the probe then (`places`); returns the longest way of a probe.
+
+    `asked`, (2, k, p, 4), remembers for both where a point was when its distance was asked for, and what was found.
+    """
     shifts, length = path.shifts, 0.0
     shifting = (shifts[step + 1] != shifts[step]).any()
     raised = x + shifts[step + 1] - shifts[step] if shifting else x
@@ -144,9 +150,14 @@ def _look_ahead(x, skin, fields, path, step, gap, ahead, places):  # type: ignor
     for k in range(len(ahead)):
         rotation, translation = path.rotations[step + 1, k], path.translations[step + 1, k]
         field, box = field_of(fields, k), (fields[5][k], fields[6][k])
-        _approach(raised, skin.stencil, skin.weights, field, box, rotation, translation, gap, ahead[k], places[k])
+        _approach(
+            raised, skin.stencil, skin.weights, field, box, rotation, translation, gap, ahead[k], places[k],
+            asked[0, k],
+        )
         if shifting:
-            _approach(x, skin.stencil, skin.weights, field, box, rotation, translation, gap, other, elsewhere)
+            _approach(
+                x, skin.stencil, skin.weights, field, box, rotation, translation, gap, other, elsewhere, asked[1, k],
+            )
             ahead[k] = np.maximum(ahead[k], other)
         moved = translation - path.translations[step, k]
         length = max(length, np.sqrt((moved * moved).sum()))
@@ -281,20 +292,30 @@ def _within(place, box, reach):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True, nogil=True)
 def _approach(  # type: ignore[no-untyped-def]
-    x, stencil, weights, field, box, rotation, translation, gap, violation, places,
+    x, stencil, weights, field, box, rotation, translation, gap, violation, places, asked,
 ):
     """Points in the frame of a probe, and by how much they violate the gap there at most.
 
-    `box` bounds the probe; points farther from it than matters are passed over.
+    `box` bounds the probe; points farther from it than matters are passed over, and so are those that cannot have come
+    near since they were `asked` for, (p, 4).
     """
     coefficients, shape, origin, spacing = field
     reach, unsure = gap + 4.0 * _SLACK, LINEAR_ERROR * spacing
+    near = -_SLACK - 2.0 * unsure
     for p in range(len(stencil)):
-        place = places[p]
+        place, before = places[p], asked[p]
         _in_frame(x, stencil, weights, p, rotation, translation, place)
-        violation[p] = -FAR
+        left = near - before[3]
+        if left > 0.0:
+            way = (place[0] - before[0]) ** 2 + (place[1] - before[1]) ** 2 + (place[2] - before[2]) ** 2
+            if STEEPEST**2 * way < left * left:
+                violation[p] = before[3] + STEEPEST * np.sqrt(way)
+                continue
+        violation[p], found = -FAR, gap - reach
         if _within(place, box, reach):
             violation[p] = gap + unsure - distance_about(coefficients, shape, origin, spacing, place)
+            found = violation[p] if violation[p] > -0.5 * FAR else 0.0  # off the grid nothing is known
+        before[0], before[1], before[2], before[3] = place[0], place[1], place[2], found
 
 
 @numba.njit(cache=True, nogil=True)

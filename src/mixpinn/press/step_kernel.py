@@ -22,7 +22,7 @@ from mixpinn.physics.contact_law import penalty, return_slip, slip_derivative
 from mixpinn.physics.elimination import symmetric_times
 from mixpinn.press.probe_field import FAR, distance_at, distance_bend
 
-_STEEPEST = 1.3
+STEEPEST = 1.3
 """The splines of distances outside probes change by less than this many times the way; 1.27 was seen."""
 
 _LARGEST_MOVE = 2.0
@@ -172,7 +172,7 @@ def _all_forces(x, contacts, forces):  # type: ignore[no-untyped-def]
         moved = 0.0
         for r in range(3):
             moved += (place[r] - seen[c, r]) ** 2
-        if _STEEPEST**2 * moved < seen[c, 3] ** 2:
+        if STEEPEST**2 * moved < seen[c, 3] ** 2:
             push[c] = 0.0
             slip[c, 0], slip[c, 1], slip[c, 2] = 0.0, 0.0, 0.0
             world_force[c, 0], world_force[c, 1], world_force[c, 2] = 0.0, 0.0, 0.0
