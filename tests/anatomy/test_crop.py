@@ -132,6 +132,16 @@ def test_rigid_wins_over_soft_and_soft_stays_inside_the_body():
     assert label_map.mask("muscle").sum() == expected.sum()
 
 
+def test_a_soft_tissue_that_the_body_leaves_out_is_painted():
+    """Structures that share no voxel, as the labels of one image do not."""
+    structures = masks()
+    structures["muscle"] = block((2, 2, 4), (3, 8, 15))
+    whole = place_in_frame(segmentation(structures, soft=("muscle",)))
+    parted = {**structures, "body_trunc": structures["body_trunc"] & ~structures["muscle"]}
+    assert np.array_equal(place_in_frame(segmentation(parted, soft=("muscle",))).labels, whole.labels)
+    assert (whole.labels == 2).sum() == structures["muscle"].sum()
+
+
 def test_rigid_parts_are_ordered_from_the_head_down():
     structures = dict(reversed(masks().items()))
     assert place_in_frame(segmentation(structures)).rigid_names == ("vertebrae_L1", "vertebrae_L2")

@@ -6,6 +6,7 @@ import nibabel as nib
 import numpy as np
 
 from mixpinn.anatomy.bones import clip_bones
+from mixpinn.anatomy.checks.labels import filled
 from mixpinn.anatomy.segmentation import Segmentation, Structure
 from mixpinn.base.arrays import AnyArray, FloatArray
 from mixpinn.base.errors import InputError
@@ -65,7 +66,8 @@ def place_in_frame(segmentation: Segmentation) -> LabelMap:
     The origin is the centre of the body's bounding box. Grid axes are permuted and flipped to run along +x, +y and +z
     as nearly as they can, so that the same anatomy gives the same arrays however it was stored; nothing is resampled,
     and the affine carries the rotation of an oblique image. One voxel of background surrounds the body, so that its
-    surface closes at the crop. Soft tissues are painted over the body and inside it only, rigid parts over both.
+    surface closes at the crop. Soft tissues are painted over the body and inside it only, the holes that they fill in its
+    mask included; rigid parts are painted over both.
     """
     everything = (segmentation.body, *segmentation.rigid)
     low = np.min([structure.corner for structure in everything], axis=0) - 1
@@ -73,9 +75,13 @@ def place_in_frame(segmentation: Segmentation) -> LabelMap:
     labels = np.zeros(high - low, dtype=np.uint8)
     rigid = sorted(segmentation.rigid, key=lambda part: -float((segmentation.affine[:3] @ [*part.centroid, 1.0])[2]))
     start, stop = (low[0], low[1], low[2]), (high[0], high[1], high[2])
-    labels[segmentation.body.window(start, stop)] = 1
+    body = segmentation.body.window(start, stop)
+    labels[body] = 1
+    inside = body
+    if any((tissue.window(start, stop) & ~body).any() for tissue in segmentation.soft):
+        inside = filled(body)
     for number, tissue in enumerate(segmentation.soft, start=2):
-        labels[tissue.window(start, stop) & (labels > 0)] = number
+        labels[tissue.window(start, stop) & inside] = number
     for number, part in enumerate(rigid, start=2 + len(segmentation.soft)):
         box = tuple(slice(a - o, b - o) for a, b, o in zip(part.corner, part.stop, low, strict=True))
         labels[box][part.mask] = number

@@ -33,6 +33,16 @@ def test_hole_in_part_and_body():
     }
 
 
+def test_a_hollow_body_is_an_error_until_it_is_filled():
+    structures = masks()
+    structures["body_trunc"] &= ~block((2, 2, 1), (9, 8, 18))
+    for name in ("vertebrae_L1", "vertebrae_L2"):
+        structures["body_trunc"] |= structures[name]
+    hole = found(structures)["hole", "body_trunc"]
+    assert hole.error
+    assert hole.repairable
+
+
 def test_body_that_leaves_the_bones_out_is_as_good():
     structures = masks()
     structures["body_trunc"] &= ~structures["vertebrae_L1"]

@@ -40,6 +40,22 @@ def test_lengths(factor, unit):
     assert f"look like {unit}" in finding.detail
 
 
+def test_one_small_vertebra_is_no_other_unit():
+    """A tip of it is all that the image holds: a matter of size."""
+    first = SPINE.rigid[0]
+    tip = Structure.trim(first.name, first.mask & (np.arange(first.mask.size).reshape(first.mask.shape)
+                                                   == np.flatnonzero(first.mask)[0]), first.corner)
+    kinds = {kind for kind, _ in found(replace(SPINE, rigid=(tip, *SPINE.rigid[1:])))}
+    assert "size" in kinds
+    assert "scale" not in kinds
+
+
+def test_the_same_mask_under_two_names_is_told():
+    one, other, *rest = SPINE.rigid
+    twice = replace(SPINE, rigid=(one, replace(one, name=other.name), *rest))
+    assert any(kind == "missing" for kind, _ in found(twice))
+
+
 def test_a_spine_in_front_of_the_middle():
     turned = replace(SPINE, affine=np.diag([-1.0, -1.0, 1.0, 1.0]) @ SPINE.affine)
     finding = found(turned)["direction", SPINE.body.name]

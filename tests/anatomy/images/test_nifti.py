@@ -164,6 +164,36 @@ def test_continuous_values_are_named_with_their_deviation(tmp_path):
     refuses(write_nifti(tmp_path / "a.nii", np.array([0.0, 0.3]).reshape(2, 1, 1)), "0.3 off")
 
 
+def test_noise_on_labels_is_rounded_and_on_probabilities_is_refused(tmp_path):
+    rng = np.random.default_rng(0)
+    labels = rng.integers(0, 30, (16, 16, 16))
+    noisy = labels + rng.normal(0.0, 1e-3, labels.shape)
+    assert len(np.unique(noisy)) > 1024
+    found = read_label_image(write_nifti(tmp_path / "a.nii", noisy))
+    assert np.array_equal(found.data, labels)
+    assert "rounded" in found.notes[0].detail
+    soft = np.linspace(0.0, 1.0, 64).reshape(4, 4, 4)
+    refuses(write_nifti(tmp_path / "b.nii", soft), "1 where it is above a half")
+
+
+def test_colours_are_no_labels(tmp_path):
+    colours = np.zeros((2, 2, 2), dtype=[("R", "u1"), ("G", "u1"), ("B", "u1")])
+    nib.save(nib.Nifti1Image(colours, np.eye(4)), tmp_path / "a.nii")
+    refuses(tmp_path / "a.nii", "got colours; export the numbers of the labels")
+
+
+def test_nibabel_says_nothing_beside_the_one_line(tmp_path, capfd):
+    """A header that it would talk about: a form of the matrix that does not exist."""
+    path = write_nifti(tmp_path / "a.nii", np.ones((2, 2, 2), dtype=np.uint8))
+    content = bytearray(path.read_bytes())
+    content[254:256] = (9).to_bytes(2, "little")  # sform_code
+    path.write_bytes(content)
+    with pytest.raises(InputError, match="a header with neither"):
+        read_label_image(path)
+    assert capfd.readouterr() == ("", "")
+    assert not nib.imageglobals.logger.disabled
+
+
 def names_extension(names):
     rows = "".join(f'<Label Key="{key}" Red="1"><![CDATA[{name}]]></Label>' for key, name in names.items())
     text = f"<?xml version='1.0'?><CaretExtension><LabelTable>{rows}</LabelTable></CaretExtension>"

@@ -121,7 +121,8 @@ def _check_holes(segmentation: Segmentation, solid: Structure) -> Iterator[Findi
             empty &= ~part.window(*solid.box)
     voxels = int(np.count_nonzero(empty))
     if voxels:
-        yield Finding("hole", body.name, f"{voxels} voxels of enclosed background", voxels)
+        hollow = 2 * voxels > solid.n_voxels  # a skin, not a body
+        yield Finding("hole", body.name, f"{voxels} voxels of enclosed background", voxels, error=hollow)
     for part in segmentation.parts:
         voxels = int(np.count_nonzero(filled(part.mask) & ~part.mask))
         if voxels:

@@ -37,19 +37,24 @@ def _finding(kind: str, structure: str, detail: str, *, voxels: int = 0, error: 
 
 
 def _check_scale(segmentation: Segmentation) -> Iterator[Finding]:
-    for structure in (*segmentation.rigid, segmentation.body):
-        vertebra = spine_rank(structure.name) is not None
-        if not vertebra and structure is not segmentation.body:
-            continue
+    """The vertebra of middle length, and the body: a wrong unit makes all of them wrong by the same factor."""
+    spine = sorted((part for part in segmentation.rigid if spine_rank(part.name) is not None and part.n_voxels),
+                   key=lambda part: _extent(part, segmentation))
+    for structure in (*spine[len(spine) // 2:][:1], segmentation.body):
+        vertebra = structure is not segmentation.body
         low, high = _VERTEBRA if vertebra else _BODY
-        extent = float((np.array(structure.mask.shape) * segmentation.spacing).max())
+        extent = _extent(structure, segmentation)
         if low <= extent <= high:
             continue
         usual = _USUAL[vertebra]
         unit = next((name for name, factor in _UNITS.items() if usual[0] <= extent * factor <= usual[1]), None)
         guess = f": the lengths look like {unit}" if unit else ""
         yield _finding("scale", structure.name, f"a length of {extent:.3g} mm{guess}", voxels=0, error=True)
-        return  # the others are wrong by the same factor
+        return
+
+
+def _extent(structure: Structure, segmentation: Segmentation) -> float:
+    return float((np.array(structure.mask.shape) * segmentation.spacing).max())
 
 
 def _check_direction(segmentation: Segmentation) -> Iterator[Finding]:
@@ -130,7 +135,7 @@ def _check_steps(segmentation: Segmentation) -> Iterator[Finding]:
         others = [other for at, other in enumerate(steps) if at != index and abs(at - index) <= 2]
         if not others or spine[index + 1][0] - spine[index][0] not in (1, 89, 88):
             continue  # a gap in the names is said by the order check; T12 or T13 to L1 are 89 and 88
-        share = step / float(np.median(others))
+        share = step / max(float(np.median(others)), 1e-9)  # the same mask under two names: no step at all
         pair = f"{spine[index][1].name} and {spine[index + 1][1].name}"
         if share > _FAR:
             detail = f"they lie {step:.0f} mm apart, {share:.1f} times as far as their neighbours: one may be missing"

@@ -114,10 +114,14 @@ def check_affine(path: Path, affine: FloatArray) -> None:
 
 
 def _whole_numbers(path: Path, data: AnyArray) -> tuple[AnyArray, tuple[Finding, ...]]:
-    fix = "give the label map, not the image it was made from"
+    fix = "give the label map with 0 around it, not the image it was made from"
     notes: tuple[Finding, ...] = ()
     if data.dtype.kind == "b":
         return data.astype(np.uint8), notes
+    if data.dtype.names:
+        raise InputError(
+            str(path), expected="whole numbers", got="colours", fix="export the numbers of the labels, not their colours",
+        )
     if data.dtype.kind not in "iuf":
         raise InputError(str(path), expected="whole numbers", got=f"values of type {data.dtype}", fix=fix)
     if data.size == 0:
@@ -130,10 +134,11 @@ def _whole_numbers(path: Path, data: AnyArray) -> tuple[AnyArray, tuple[Finding,
         off = np.abs(data - whole)
         largest = float(off.max())
         if largest > 0.0:
-            if largest > _ROUNDING or high - low > 65535 or len(np.unique(data)) > _MOST_LABELS:
+            if largest > _ROUNDING or high - low > 65535 or len(np.unique(whole)) > _MOST_LABELS:
                 raise InputError(
                     str(path), expected="whole numbers",
-                    got=f"continuous values, up to {largest:.3g} off a whole number", fix=fix,
+                    got=f"continuous values from {low:.3g} to {high:.3g}, up to {largest:.3g} off a whole number",
+                    fix="give the label map; of a probability or a smoothed mask, 1 where it is above a half and else 0",
                 )
             detail = f"values up to {largest:.2g} off a whole number (a scaled header) were rounded"
             notes = (Finding("values", path.name, detail, int(np.count_nonzero(off)), repairable=False),)

@@ -2,6 +2,8 @@
 
 import io
 import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import nibabel as nib
@@ -70,17 +72,30 @@ def open_nifti(path: Path) -> nib.Nifti1Image:
         plain = "an Analyze image, which does not say left from right" if size == 348 else "another kind of file"
         raise InputError(str(path), expected="a NIfTI image", got=plain, fix="convert it to .nii.gz")
     try:
-        claim = nifti_claim(kind, content, str(path))
-        if pair is None:
-            return kind.from_stream(io.BytesIO(nifti_content(path, most=claim)))
-        files = {name: nifti_content(part, most=claim) for name, part in zip(("header", "image"), pair, strict=True)}
-        return _PAIRS[kind].from_file_map(
-            {name: nib.FileHolder(fileobj=io.BytesIO(part)) for name, part in files.items()},
-        )
+        with _one_line():
+            claim = nifti_claim(kind, content, str(path))
+            if pair is None:
+                return kind.from_stream(io.BytesIO(nifti_content(path, most=claim)))
+            halves = zip(("header", "image"), pair, strict=True)
+            files = {name: nifti_content(part, most=claim) for name, part in halves}
+            return _PAIRS[kind].from_file_map(
+                {name: nib.FileHolder(fileobj=io.BytesIO(part)) for name, part in files.items()},
+            )
     except InputError:
         raise
     except Exception as error:
         raise _damaged(path, error) from error
+
+
+@contextmanager
+def _one_line() -> Iterator[None]:
+    """nibabel says nothing of its own: what matters of a header is looked at and told here."""
+    logger = nib.imageglobals.logger
+    before, logger.disabled = logger.disabled, True
+    try:
+        yield
+    finally:
+        logger.disabled = before
 
 
 def _extension_names(image: nib.Nifti1Image) -> dict[int, str]:
