@@ -65,11 +65,39 @@ def test_fixed_file_counts_within_the_soft_nodes(grid, tmp_path):
     assert set(np.flatnonzero(mesh.fixed)) == {soft[-1], soft[-3]}
 
 
-@pytest.mark.parametrize(("text", "message"), [("0\n99999\n", "99999"), ("0 one", "one integer a line")])
+@pytest.mark.parametrize(("text", "message"), [
+    ("0\n99999\n", "99999"), ("0 one", "got 'one'; write one integer a line"), ("node\n1\n2\n", "got 'node'"),
+    ("1.5\n", "one integer a line"), ("0\n1\n1\n0\n0\n", "5 numbers that are 0 or 1, a mask"),
+])
 def test_bad_fixed_file(grid, tmp_path, text, message):
     (tmp_path / "fixed.txt").write_text(text)
     with pytest.raises(InputError, match=message):
         import_vtu(save(grid, tmp_path), fixed=tmp_path / "fixed.txt")
+
+
+@pytest.mark.parametrize("value", [0.5, np.nan, 2.0, -1.0])
+def test_fixed_is_0_or_1(grid, tmp_path, value):
+    held = np.zeros(grid.n_points)
+    held[:4] = value
+    grid.point_data["fixed"] = held
+    with pytest.raises(InputError, match="0 or 1 for each point"):
+        import_vtu(save(grid, tmp_path))
+
+
+def test_fixed_cells_are_refused(grid, tmp_path):
+    del grid.point_data["fixed"]
+    grid.cell_data["fixed"] = np.zeros(grid.n_cells)
+    with pytest.raises(InputError, match="data of cells; write 1 at each node"):
+        import_vtu(save(grid, tmp_path))
+
+
+def test_numbers_that_are_no_parts(grid, tmp_path):
+    grid.cell_data["index"] = np.arange(grid.n_cells)
+    grid.point_data["part"] = np.where(grid.point_data["part"] == 1, 65537, 0)  # 1 in sixteen bits
+    path = save(grid, tmp_path)
+    for array in (None, "index"):
+        with pytest.raises(InputError, match="at most 255 rigid parts"):
+            import_vtu(path, part_array=array)
 
 
 def test_unknown_part_labels(grid, tmp_path):
@@ -93,6 +121,15 @@ def test_other_cells(tmp_path):
     hexahedra = pv.ImageData(dimensions=(3, 3, 3)).cast_to_unstructured_grid()
     with pytest.raises(InputError, match="voxel"):
         import_vtu(save(hexahedra, tmp_path))
+
+
+def test_the_corners_of_quadratic_cells_can_be_read(tmp_path):
+    mesh = box_mesh(cavity=CAVITY)
+    grid = mesh.with_order(2).grid()
+    with pytest.raises(InputError, match="got cells of type quadratic_tetra; write their corners alone"):
+        import_vtu(save(grid, tmp_path))
+    linear = pv.UnstructuredGrid({10: grid.cells_dict[24][:, :4]}, grid.points).clean()  # as the message says
+    assert import_vtu(save(linear, tmp_path)).cell_volumes.sum() == pytest.approx(mesh.cell_volumes.sum())
 
 
 def test_damaged_and_absent_files(grid, tmp_path):

@@ -6,6 +6,7 @@ import pytest
 from mixpinn.base.errors import InputError
 from mixpinn.geometry.probe_shapes import linear_probe, spherical_probe
 from mixpinn.records.probe import Probe, check_probe
+from mixpinn.records.surface_file import edge_uses
 
 PROBE = linear_probe()
 
@@ -19,6 +20,32 @@ def test_probes_as_the_protocol_means_them(shared_data):
 def test_a_probe_in_centimetres_or_inches_is_warned_of(factor, extent):
     line, = check_probe(replace(PROBE, points=PROBE.points * factor))
     assert f"{extent} mm long: are its lengths centimetres or inches?" in line
+
+
+def test_a_hole_at_the_tip_and_pieces_are_told():
+    low = PROBE.points[PROBE.triangles, 1].min(axis=1)
+    line, = check_probe(replace(PROBE, triangles=np.delete(PROBE.triangles, low.argmin(), axis=0)))
+    assert "a hole 0.0 mm above its tip" in line
+    assert check_probe(replace(PROBE, triangles=np.delete(PROBE.triangles, low.argmax(), axis=0))) == ()
+    two = Probe(
+        np.vstack([PROBE.points, PROBE.points + np.array([0.0, 60.0, 0.0])]),
+        np.vstack([PROBE.triangles, PROBE.triangles + len(PROBE.points)]),
+    )
+    assert check_probe(two) == ("the probe comes in 2 pieces: each of them presses",)
+
+
+def test_triangles_of_both_sides_are_turned(tmp_path):
+    """Of an OBJ: what writes STL turns them itself."""
+    turned = PROBE.triangles.copy()
+    turned[::3] = turned[::3, ::-1]
+    lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in PROBE.points.tolist()]
+    lines += [f"f {a} {b} {c}" for a, b, c in (turned + 1).tolist()]
+    (tmp_path / "probe.obj").write_text("\n".join(lines))
+    found = Probe.load(tmp_path / "probe.obj")
+    _, faces, along = edge_uses(found.triangles)
+    assert (faces == 2).all()
+    assert (along == 1).all()
+    assert len(found.triangles) == len(turned)
 
 
 @pytest.mark.parametrize(("points", "says"), [

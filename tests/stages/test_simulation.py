@@ -105,7 +105,7 @@ def test_a_probe_in_another_unit_is_a_doubt_that_stays_with_the_simulations(mesh
     doubted = make_scene(mesh, SimulationConfig(probe=str(tmp_path / "cm.stl"))).mesh
     assert doubted.doubts[:-1] == mesh.doubts
     assert "centimetres or inches?" in doubted.doubts[-1]
-    assert in_short(doubted.doubts[-1:]) == "size (probe)"
+    assert in_short(doubted.doubts[-1:]) == "shape (probe)"
     assert doubted.hash() == mesh.hash()
     assert make_scene(doubted, SimulationConfig(probe=str(tmp_path / "cm.stl"))).mesh.doubts == doubted.doubts
     assert make_scene(doubted, SimulationConfig()).mesh.doubts == mesh.doubts

@@ -66,8 +66,8 @@ def place_in_frame(segmentation: Segmentation) -> LabelMap:
     The origin is the centre of the body's bounding box. Grid axes are permuted and flipped to run along +x, +y and +z
     as nearly as they can, so that the same anatomy gives the same arrays however it was stored; nothing is resampled,
     and the affine carries the rotation of an oblique image. One voxel of background surrounds the body, so that its
-    surface closes at the crop. Soft tissues are painted over the body and inside it only, the holes that they fill in its
-    mask included; rigid parts are painted over both.
+    surface closes at the crop. Soft tissues are painted over the body and inside it only, holes of its mask included;
+    rigid parts are painted over both.
     """
     everything = (segmentation.body, *segmentation.rigid)
     low = np.min([structure.corner for structure in everything], axis=0) - 1

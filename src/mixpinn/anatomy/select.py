@@ -79,12 +79,14 @@ def with_layers(soft: Sequence[str], names: Iterable[str]) -> tuple[str, ...]:
 
 
 def find_body(names: Iterable[str]) -> list[str]:
-    """Candidates for the body, best first; several where only ``body_trunc_*`` is there more than once."""
+    """Candidates for the body in any letters, best first; several where only ``body_trunc_*`` is there, or two."""
     names = sorted(names)
-    trunks = [name for name in names if name.startswith(BODY_NAMES[0] + "_")]
+    trunks = [name for name in names if name.lower().startswith(BODY_NAMES[0] + "_")]
     for name in BODY_NAMES:
         if name in names:
             return [name]
+        if alike := [other for other in names if other.lower() == name]:
+            return alike
         if name == BODY_NAMES[0] and trunks:
             return trunks
     return []

@@ -20,6 +20,7 @@ from mixpinn.records.tissue_mesh import TissueMesh
 _PART_ARRAYS = ("part", "rigid")
 _TO_SCANNER = "world_to_scanner"
 _SOFT_INDEX = "deformable_id"
+_MOST_PARTS = 255
 _LUMBAR = tuple(f"vertebrae_L{level}" for level in range(1, 6))
 
 
@@ -74,7 +75,11 @@ def import_vtu(
     if fixed is not None:
         held = _read_fixed(Path(fixed), grid)
     elif "fixed" in grid.point_data:
-        held = np.asarray(grid.point_data["fixed"]).astype(bool)
+        held = _held(np.asarray(grid.point_data["fixed"]), what)
+    elif "fixed" in grid.cell_data:
+        raise InputError(
+            what, expected="'fixed' as data of points", got="data of cells", fix="write 1 at each node that is held",
+        )
     else:
         held = fixed_nodes(mesh)
     return replace(mesh, fixed=held)
@@ -104,7 +109,13 @@ def _with_parts(
     if labels.ndim != 1 or not np.isfinite(labels).all() or (labels != np.floor(labels)).any():
         raise InputError(what, expected=f"whole numbers as {array!r}", got="others", fix="number the parts")
     part = np.zeros(len(labels), dtype=np.int16)
-    for number, label in enumerate((v for v in np.unique(labels) if v not in set(soft_labels)), start=1):
+    rigid = [value for value in np.unique(labels) if value not in set(soft_labels)]
+    if len(rigid) > _MOST_PARTS:
+        raise InputError(
+            what, expected=f"at most {_MOST_PARTS} rigid parts in {array!r}", got=f"{len(rigid)}",
+            fix="choose data that number the parts, or say with soft_labels which values mean soft tissue",
+        )
+    for number, label in enumerate(rigid, start=1):
         part[labels == label] = number
     if of_points:
         grid.point_data[_PART_ARRAYS[0]] = part
@@ -129,6 +140,11 @@ def _parts(grid: pv.UnstructuredGrid, names: Sequence[str] | None, what: str) ->
         raise InputError(
             what, expected=f"part labels 0, 1, … in point data {found!r}", got="negative or fractional ones",
             fix="use 0 for soft tissue and k = 1 … K for rigid part k",
+        )
+    if labels.max() > _MOST_PARTS:
+        raise InputError(
+            what, expected=f"at most {_MOST_PARTS} rigid parts in point data {found!r}", got=f"{labels.max():.0f}",
+            fix="number the rigid parts 1 … K",
         )
     part = labels.astype(np.int16)
     if names is None and "rigid_names" in grid.field_data:
@@ -158,13 +174,29 @@ def _tissues(grid: pv.UnstructuredGrid, count: int, names: Sequence[str], what: 
     return tissue.astype(np.int16)
 
 
+def _held(values: AnyArray, what: str) -> BoolArray:
+    if values.ndim != 1 or not np.isin(values, (0, 1)).all():
+        raise InputError(
+            what, expected="0 or 1 for each point as 'fixed'", got="other values", fix="write 1 at each node held",
+        )
+    return values.astype(bool)
+
+
 def _read_fixed(path: Path, grid: pv.UnstructuredGrid) -> BoolArray:
     expected = "a text file of node indices"
     try:
         text = read_text(path, expected=expected).lstrip("\ufeff").replace(",", " ").replace(";", " ")
         indices = np.array(text.split(), dtype=np.int64)
     except ValueError as error:
-        raise InputError(str(path), expected=expected, got=str(error), fix="write one integer a line") from error
+        raise InputError(
+            str(path), expected=expected, got=repr(str(error).rpartition(": ")[2].strip("'")[:40]),
+            fix="write one integer a line",
+        ) from error
+    if len(indices) > 2 and np.isin(indices, (0, 1)).all():
+        raise InputError(
+            str(path), expected=expected, got=f"{len(indices)} numbers that are 0 or 1, a mask",
+            fix="write the indices of the nodes that are held, or give the mask as point data 'fixed'",
+        )
     in_soft = _SOFT_INDEX in grid.point_data
     index = np.asarray(grid.point_data[_SOFT_INDEX if in_soft else ORIGINAL]) if (
         in_soft or ORIGINAL in grid.point_data) else np.arange(grid.n_points)

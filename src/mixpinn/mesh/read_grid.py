@@ -23,6 +23,10 @@ _FLAT = {
     "quad", "quadratic_edge", "quadratic_triangle", "quadratic_quad",
 }
 _NAMES = {int(kind): kind.name.lower() for kind in pv.CellType}
+_CORNERS = (
+    "write their corners alone (pyvista.UnstructuredGrid({10: grid.cells_dict[24][:, :4]}, grid.points).clean()); "
+    "'mixpinn mesh --set element=quadratic' puts the middles of edges back"
+)
 _EXPECTED, _FIX = "a readable tetrahedral mesh (.vtu, .vtk, .msh)", "check the path or export the mesh again as .vtu"
 
 
@@ -40,9 +44,10 @@ def read_tetrahedra(path: Path) -> pv.UnstructuredGrid:
     chosen = types == pv.CellType.TETRA
     other = kinds - _FLAT - {"tetra"}
     if other or not chosen.any():
+        quadratic = other == {"quadratic_tetra"} and not chosen.any()
         raise InputError(
             str(path), expected="linear tetrahedra only", got="cells of type " + ", ".join(sorted(other or kinds)),
-            fix="extract the tetrahedra or convert the mesh",
+            fix=_CORNERS if quadratic else "extract the tetrahedra or convert the mesh",
         )
     if (lengths[chosen] != 4).any():
         raise InputError(str(path), expected="four points a tetrahedron", got="another number", fix=_FIX)

@@ -1,18 +1,21 @@
 """Probe: the rigid tool's surface; ProbePath: how it moves."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
 
 from mixpinn.base.arrays import FloatArray, IntArray
 from mixpinn.base.errors import InputError
 from mixpinn.base.files import hash_arrays
-from mixpinn.records.surface_file import read_surface
+from mixpinn.records.surface_file import edge_uses, read_surface
 from mixpinn.records.vtk_file import write_vtk
 
-_SMALLEST, _SMALL, _LARGEST, _OFF = 2.0, 8.0, 1000.0, 3.0
-"""Lengths that a probe has, that few have, and how far its tip may be from the origin [mm]."""
+_SMALLEST, _SMALL, _LARGEST, _OFF, _FACE = 2.0, 8.0, 1000.0, 3.0, 5.0
+"""Lengths that a probe has, that few have, how far its tip may be from the origin, and how high it is closed [mm]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +46,8 @@ class Probe:
     def load(path: Path | str) -> "Probe":
         """Read any surface that `pyvista` reads (.stl, .ply, .vtp, .obj); duplicate vertices are merged.
 
+        Triangles that face the other way than their neighbours are turned.
+
         Raises:
             InputError: absent, unreadable or without triangles.
         """
@@ -55,7 +60,8 @@ def check_probe(probe: Probe) -> tuple[str, ...]:
     """Check that a surface is a probe as the protocol means it: in mm, its tip at the origin, pointing to −y.
 
     Returns:
-        What a user should know: that it is so small that its lengths may be centimetres or inches.
+        What a user should know: that it is so small that its lengths may be centimetres or inches, that it has a hole
+        where it presses, or comes in pieces.
 
     Raises:
         InputError: it is too small or too large for a probe, lies beside the origin, stands on its head, or lies on
@@ -84,9 +90,22 @@ def check_probe(probe: Probe) -> tuple[str, ...]:
             got=f"its lowest points {np.linalg.norm(place):.0f} mm away from it (x {x:.0f}, y {y:.0f}, z {z:.0f})",
             fix="move the tip to the origin and turn the probe so that it points to −y (x right, z along the body)",
         )
+    return tuple(_oddities(probe, extent))
+
+
+def _oddities(probe: Probe, extent: float) -> Iterator[str]:
     if extent < _SMALL:
-        return (f"the probe is {extent:.3g} mm long: are its lengths centimetres or inches?",)
-    return ()
+        yield f"the probe is {extent:.3g} mm long: are its lengths centimetres or inches?"
+    edges, faces, _ = edge_uses(probe.triangles)
+    rim = edges[faces == 1]
+    height = float(probe.points[rim, 1].min() - probe.points[:, 1].min()) if len(rim) else np.inf
+    if height < _FACE:
+        yield f"the probe has a hole {height:.1f} mm above its tip: nothing is pressed there"
+    graph = coo_matrix((np.ones(len(edges)), edges.T), shape=(len(probe.points), len(probe.points)))
+    used = np.unique(probe.triangles)
+    pieces = len(np.unique(connected_components(graph, directed=False)[1][used]))
+    if pieces > 1:
+        yield f"the probe comes in {pieces} pieces: each of them presses"
 
 
 @dataclass(frozen=True, eq=False)

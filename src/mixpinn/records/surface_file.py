@@ -14,6 +14,9 @@ from mixpinn.records.strict_vtk import strict_vtk
 def read_surface(path: Path | str, *, expected: str, fix: str) -> tuple[FloatArray, IntArray]:
     """Read any surface that `pyvista` reads (.stl, .ply, .vtp, .obj); duplicate vertices are merged.
 
+    Triangles that face the other way than their neighbours are turned: what lies behind a surface is then the same
+    everywhere.
+
     Args:
         path: the file.
         expected: what it should be, for messages.
@@ -58,7 +61,29 @@ def surface_arrays(path: Path) -> tuple[dict[str, AnyArray], None]:
         read = pv.read(path)
     surface = read.extract_surface(algorithm="dataset_surface").triangulate().clean()
     triangles = np.asarray(surface.regular_faces, dtype=np.int64).reshape(-1, 3)
+    _, faces, along = edge_uses(triangles)
+    if ((faces == 2) & (along != 1)).any():
+        surface = surface.compute_normals(
+            point_normals=False, split_vertices=False, consistent_normals=True, auto_orient_normals=False,
+        )
+        triangles = np.asarray(surface.regular_faces, dtype=np.int64).reshape(-1, 3)
     return {"points": np.asarray(surface.points, dtype=np.float64), "triangles": triangles}, None
+
+
+def edge_uses(triangles: IntArray) -> tuple[IntArray, IntArray, IntArray]:
+    """The edges of a surface, how many triangles each has, and how many of these run along it.
+
+    Args:
+        triangles: shape (t, 3).
+
+    Returns:
+        edges, lower vertex first, shape (e, 2); triangles of each, shape (e,); those that take its vertices in this
+        order, shape (e,): one of the two where they face the same way.
+    """
+    directed = np.concatenate([triangles[:, [a, b]] for a, b in ((0, 1), (1, 2), (2, 0))])
+    edges, place, faces = np.unique(np.sort(directed, axis=1), axis=0, return_inverse=True, return_counts=True)
+    along = np.bincount(place.ravel()[directed[:, 0] < directed[:, 1]], minlength=len(edges))
+    return edges, faces, along
 
 
 def _check_length(path: Path) -> None:

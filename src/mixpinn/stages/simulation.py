@@ -55,7 +55,7 @@ from mixpinn.stages.restraints import (
 )
 
 STORE = "store"
-_PROBE = "probe: size: "
+_PROBE = "probe: shape: "
 """How a doubt about the probe begins (`mixpinn.records.doubts`)."""
 Energy = Literal["stable", "stable-log", "linear"]
 

@@ -80,7 +80,7 @@ def test_layers_of_a_segmentation_that_overlaps(tmp_path):
 
 @pytest.mark.parametrize(("change", "says"), [
     ({"leave": "space"}, "left and right are unknown"), ({"leave": "type"}, "'type'"), ({"leave": "sizes"}, "'sizes'"),
-    ({"space": "scanner-xyz"}, "scanner-xyz"), ({"lines": ["byte skip: -1"]}, "skipped bytes"),
+    ({"space": "scanner-xyz"}, "scanner-xyz"), ({"lines": ["byte skip: -1"]}, "byte skip: -1"),
 ])
 def test_nrrd_that_is_refused(tmp_path, change, says):
     with pytest.raises(InputError, match=says):

@@ -179,7 +179,7 @@ def test_noise_on_labels_is_rounded_and_on_probabilities_is_refused(tmp_path):
 def test_colours_are_no_labels(tmp_path):
     colours = np.zeros((2, 2, 2), dtype=[("R", "u1"), ("G", "u1"), ("B", "u1")])
     nib.save(nib.Nifti1Image(colours, np.eye(4)), tmp_path / "a.nii")
-    refuses(tmp_path / "a.nii", "got colours; export the numbers of the labels")
+    refuses(tmp_path / "a.nii", "got colours; export the numbers of the labels instead")
 
 
 def test_nibabel_says_nothing_beside_the_one_line(tmp_path, capfd):

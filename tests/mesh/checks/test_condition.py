@@ -5,7 +5,7 @@ import pytest
 
 from mesh.shapes import box_mesh
 from mixpinn.base.errors import InputError
-from mixpinn.mesh.checks.condition import check_unit, mesh_warnings
+from mixpinn.mesh.checks.condition import check_unit, frame_warnings, mesh_warnings
 
 MESH = box_mesh(cavity=np.s_[1:3, 1:3, 1:2], spacing=30.0)
 HELD = replace(MESH, fixed=MESH.points[:, 1] < -50.0)
@@ -31,6 +31,31 @@ def test_nothing_held_and_no_rigid_part():
     assert any("no node is fixed" in line for line in mesh_warnings(MESH))
     solid = box_mesh(spacing=30.0)
     assert any("no rigid part" in line for line in mesh_warnings(replace(solid, fixed=solid.points[:, 1] < -50.0)))
+
+
+@pytest.mark.parametrize("nodes", [[5], [5, 9], "a line"])
+def test_what_is_held_at_a_point_or_on_a_line_can_turn(nodes):
+    chosen = np.isin(np.arange(MESH.n_points), nodes)
+    if nodes == "a line":
+        chosen = (MESH.points[:, 1] == MESH.points[:, 1].min()) & (MESH.points[:, 2] == MESH.points[:, 2].min())
+        assert chosen.sum() > 2
+    line, = mesh_warnings(replace(MESH, fixed=chosen))
+    assert "the body can turn" in line
+
+
+def test_a_mesh_in_the_scanners_frame():
+    """World: x right, y posterior, z caudal; a mesh in RAS has y and z the other way."""
+    body = box_mesh(cavity=np.s_[1:3, 1:3, 1:2], spacing=30.0)
+    ahead = replace(body, points=body.points + np.where(body.part > 0, 40.0, 0.0)[:, None] * [0.0, -1.0, 0.0])
+    line, = frame_warnings(ahead)
+    assert "in front of the body's middle" in line
+    assert frame_warnings(replace(ahead, points=ahead.points * [1.0, -1.0, -1.0])) == ()
+    part = np.zeros(body.n_points, dtype=body.part.dtype)
+    part[body.points[:, 2].argmin()], part[body.points[:, 2].argmax()] = 1, 2
+    spine = replace(body, part=part, rigid_names=("vertebrae_L2", "vertebrae_L3"))
+    assert not any("feet up" in line for line in frame_warnings(spine))
+    turned = replace(spine, points=spine.points * [1.0, -1.0, -1.0])
+    assert any("feet up" in line for line in frame_warnings(turned))
 
 
 def test_nothing_that_can_move():

@@ -120,7 +120,7 @@ def _whole_numbers(path: Path, data: AnyArray) -> tuple[AnyArray, tuple[Finding,
         return data.astype(np.uint8), notes
     if data.dtype.names:
         raise InputError(
-            str(path), expected="whole numbers", got="colours", fix="export the numbers of the labels, not their colours",
+            str(path), expected="whole numbers", got="colours", fix="export the numbers of the labels instead",
         )
     if data.dtype.kind not in "iuf":
         raise InputError(str(path), expected="whole numbers", got=f"values of type {data.dtype}", fix=fix)
@@ -138,7 +138,7 @@ def _whole_numbers(path: Path, data: AnyArray) -> tuple[AnyArray, tuple[Finding,
                 raise InputError(
                     str(path), expected="whole numbers",
                     got=f"continuous values from {low:.3g} to {high:.3g}, up to {largest:.3g} off a whole number",
-                    fix="give the label map; of a probability or a smoothed mask, 1 where it is above a half and else 0",
+                    fix="give the label map; of a probability or a smoothed mask, 1 where it is above a half, else 0",
                 )
             detail = f"values up to {largest:.2g} off a whole number (a scaled header) were rounded"
             notes = (Finding("values", path.name, detail, int(np.count_nonzero(off)), repairable=False),)

@@ -141,8 +141,11 @@ def _data(path: Path, fields: dict[str, str], body: bytes | bytearray, sizes: li
     file = fields.get("data file", fields.get("datafile"))
     if file is not None:
         body = file_beside(path, file).read_bytes()
-    if kind is None or any(name in fields for name in ("line skip", "lineskip", "byte skip", "byteskip")):
-        raise _bad(path, "whole or floating-point numbers without skipped bytes", fields["type"])
+    skipped = next((name for name in ("line skip", "lineskip", "byte skip", "byteskip") if name in fields), None)
+    if skipped is not None:
+        raise _bad(path, "voxels right behind the header", f"{skipped}: {fields[skipped]}")
+    if kind is None:
+        raise _bad(path, "whole or floating-point numbers", fields["type"])
     dtype = np.dtype(kind).newbyteorder(">" if fields.get("endian", "little").lower() == "big" else "<")
     expected = check_extents(sizes, dtype.itemsize, str(path))
     if encoding not in _PACKINGS:

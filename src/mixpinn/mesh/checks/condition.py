@@ -6,10 +6,13 @@ import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from mixpinn.base.arrays import IntArray
+from mixpinn.anatomy.names import spine_rank
+from mixpinn.base.arrays import FloatArray, IntArray
 from mixpinn.base.errors import InputError
 from mixpinn.records.tissue_mesh import TissueMesh
 
+_IN_FRONT = 0.4
+"""Share of the way from front to back that no spine lies in front of."""
 _METRES, _CENTIMETRES, _LARGEST = 5.0, 60.0, 5000.0
 """Bodies less long than the first [mm] are none; less long than the second they may be in centimetres."""
 
@@ -52,11 +55,50 @@ def _warnings(mesh: TissueMesh) -> Iterator[str]:
         yield f"{doubled} points lie at the place of another: surfaces that should be joined are not"
     if not mesh.fixed.any():
         yield "no node is fixed: nothing holds the body while the probe presses"
+    elif not _spans(mesh.points[mesh.fixed]):
+        yield f"the {int(mesh.fixed.sum())} fixed nodes lie at one place or on one line: the body can turn about them"
     if mesh.fixed[mesh.part == 0].all():
         soft = bool((mesh.part == 0).any())
         yield "every soft node is fixed: nothing can move" if soft else "every node is rigid: no soft tissue is left"
     if not mesh.rigid_names:
         yield "no rigid part: all of it is soft tissue"
+
+
+def frame_warnings(mesh: TissueMesh) -> tuple[str, ...]:
+    """What says that a mesh is not in the world frame (x right, y posterior, z caudal), a line each."""
+    return tuple(_frame_warnings(mesh))
+
+
+def _frame_warnings(mesh: TissueMesh) -> Iterator[str]:
+    spine = [
+        (rank, mesh.points[mesh.part == k].mean(axis=0)) for k, name in enumerate(mesh.rigid_names, start=1)
+        if (rank := spine_rank(name)) is not None
+    ]
+    if len(spine) > 1 and min(spine, key=_rank)[1][2] > max(spine, key=_rank)[1][2]:
+        yield "the vertebrae follow each other from the feet up: z does not run from head to feet"
+    if not mesh.rigid_names:
+        return
+    rigid = mesh.points[mesh.part > 0]
+    beside = mesh.points[(mesh.points[:, 2] >= rigid[:, 2].min()) & (mesh.points[:, 2] <= rigid[:, 2].max())]
+    low, high = beside[:, 1].min(), beside[:, 1].max()
+    share = (rigid[:, 1].mean() - low) / max(high - low, 1e-9)
+    if share < _IN_FRONT:
+        yield (
+            f"the rigid parts lie in front of the body's middle, {share:.0%} of the way from front to back: "
+            "y does not run from front to back, or the probe presses on the belly"
+        )
+
+
+def _rank(entry: tuple[int, FloatArray]) -> int:
+    return entry[0]
+
+
+def _spans(points: FloatArray) -> bool:
+    """Whether points hold a body: three of them that are not on one line."""
+    if len(points) < 3:
+        return False
+    spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
+    return bool(spread[1] > 1e-3 * max(spread[0], 1e-9))
 
 
 def _pieces(mesh: TissueMesh) -> IntArray:
