@@ -34,6 +34,7 @@ BAD = {
     "bytes.csv": b"\xff\xfe\x00\x01", "list.json": b"[1, 2]", "cut.json": b'{"nodes": [1',
     "keys.json": b'{"nodes": [1]}',
     "metres.json": b'{"nodes": [1], "displacements": [[0, 0.001, 0]], "unit": "m"}',
+    "twice.json": b'{"nodes": [1], "nodes": [2], "displacements": [[0, -1, 0]]}',
     "ragged.json": b'{"nodes": [1, 2], "displacements": [[1, 2, 3], [1]]}', "cut.npz": b"PK\x03\x04", "empty.npz": b"",
     "contacts.xlsx": b"1,0,0,0", "contacts": b"1,0,0,0",
 }
@@ -45,6 +46,14 @@ def test_bad_files_are_refused(tmp_path: Path, name: str) -> None:
     with pytest.raises(InputError) as raised:
         read_contacts(tmp_path / name)
     assert "\n" not in str(raised.value)
+
+
+def test_units_of_an_archive_count(tmp_path: Path) -> None:
+    np.savez(tmp_path / "a.npz", nodes=NODES, displacements=MOVED, unit="mm")
+    np.testing.assert_array_equal(read_contacts(tmp_path / "a.npz")[0], NODES)
+    np.savez(tmp_path / "a.npz", nodes=NODES, displacements=MOVED, unit="m")
+    with pytest.raises(InputError, match="unit: expected lengths in mm"):
+        read_contacts(tmp_path / "a.npz")
 
 
 def test_absent_files_and_pickled_arrays_are_refused(tmp_path: Path) -> None:

@@ -82,6 +82,7 @@ BAD_CONTACTS = {
     "too few displacements": ([1, 2], [[0, 0, 0]], r"shape \(2, 3\)"),
     "two components": ([1], [[0, 0]], r"shape \(1, 3\)"),
     "nan": ([1], [[0, np.nan, 0]], "finite"),
+    "beyond any body": ([1], [[0, -1e30, 0]], "at most 1000, got 1e\\+30"),
 }
 
 

@@ -6,11 +6,14 @@ from pathlib import Path
 
 from mixpinn.anatomy.names import NAMED_TABLES
 from mixpinn.base.errors import InputError
+from mixpinn.base.files import each_once
 from mixpinn.base.text import read_text
 from mixpinn.base.text_table import plain_name, read_rows, split_cells
 
 _FORMATS = "JSON, CSV, a BIDS .tsv, a Slicer .ctbl or ITK-SNAP's label file"
 _NUMBERS = ("index", "label", "number", "value", "key", "id", "labelvalue", "label_value")
+_VALUES = {"value", "labelvalue", "label_value"}
+"""Names of columns beside which an ``index`` may be that of the row."""
 _NAMES = ("name", "label_name", "structure", "segment", "segment_name", "label", "abbreviation")
 _SLICER = re.compile(r"(-?\d+)\s+(\S+)(?:\s+\d+){3,4}$")
 _ITK_SNAP = re.compile(r"(-?\d+)(?:\s+\d+){3}\s+[\d.]+\s+\d+\s+\d+\s+\"(.*)\"$")
@@ -34,8 +37,12 @@ def read_names(path: Path | str) -> dict[int, str]:
         entries = _json_entries(path, text)
     else:
         entries = _line_entries(path, expected)
-    entries = [(number, name.strip()) for number, name in entries if number != 0]
+    entries = [(number, name.strip()) for number, name in entries if number != 0 and name.strip()]
     names = dict(entries)
+    if plain := next((name for name in names.values() if name.lstrip("+-").replace(".", "", 1).isdigit()), None):
+        raise InputError(
+            str(path), expected="a name of each number", got=f"{plain!r}, another number", fix="write the names",
+        )
     if not names or min(names) < 0 or len(set(names.values())) < len(entries) or len(names) < len(entries):
         raise InputError(
             str(path), expected="one name a number", got="an empty table, or a number or name that occurs twice",
@@ -46,26 +53,28 @@ def read_names(path: Path | str) -> dict[int, str]:
 
 def _json_entries(path: Path | str, text: str) -> list[tuple[int, str]]:
     try:
-        table = json.loads(text, object_pairs_hook=_each_once)
+        table = json.loads(text, object_pairs_hook=each_once)
         if isinstance(table, dict) and isinstance(table.get("labels"), dict):
             table = table["labels"]
-        return [
-            (value, key) if isinstance(value, int) and not isinstance(value, bool) else (int(key), str(value))
-            for key, value in table.items()
-        ]
-    except (AttributeError, TypeError, ValueError, RecursionError) as error:
+        if not isinstance(table, dict):
+            raise ValueError("a list")
+        return [_json_entry(key, value) for key, value in table.items()]
+    except (ValueError, RecursionError) as error:
         raise InputError(
             str(path), expected='a table such as {"27": "vertebrae_L5"}', got=f"something else ({error})",
             fix=f"write one entry a label, or give {_FORMATS}",
         ) from error
 
 
-def _each_once(pairs: list[tuple[str, object]]) -> dict[str, object]:
-    """The entries of a JSON object, of which none is given twice."""
-    table = dict(pairs)
-    if len(table) < len(pairs):
-        raise ValueError("an entry that occurs twice")
-    return table
+def _json_entry(key: str, value: object) -> tuple[int, str]:
+    if isinstance(value, int) and not isinstance(value, bool):
+        return value, key
+    if not isinstance(value, str):
+        raise ValueError(f"{key!r} with something that is neither a number nor a name")
+    try:
+        return int(key), value
+    except ValueError:
+        raise ValueError(f"{key!r} and {value!r}, neither of which is a number") from None
 
 
 def _line_entries(path: Path | str, expected: str) -> list[tuple[int, str]]:
@@ -83,6 +92,11 @@ def _line_entries(path: Path | str, expected: str) -> list[tuple[int, str]]:
         number = next((header.index(name) for name in _NUMBERS if name in header), None)
         name = next((header.index(name) for name in _NAMES if name in header and header.index(name) != number), None)
         rows = lines[1:]
+        if number is not None and "index" in header and (other := set(header) & _VALUES):
+            raise InputError(
+                str(path), expected="one column of numbers", got=f"the columns 'index' and {min(other)!r}",
+                fix="leave the column out that does not hold the numbers of the image",
+            )
         if number is None or name is None:
             number, name, rows = 0, 1, lines  # without names of columns: number, then name
             if len(header) != 2:

@@ -130,11 +130,11 @@ def read_json(path: Path | str) -> Any:
     """Read a JSON file.
 
     Raises:
-        InputError: the file is absent or is not JSON.
+        InputError: the file is absent or is not JSON, or an object of it has an entry twice.
     """
     path = Path(path)
     try:
-        return json.loads(path.read_text(encoding="utf-8-sig"))
+        return json.loads(path.read_text(encoding="utf-8-sig"), object_pairs_hook=each_once)
     except FileNotFoundError as error:
         raise InputError(str(path), expected="a JSON file", got="no such file", fix="check the path") from error
     except (IsADirectoryError, NotADirectoryError) as error:
@@ -143,6 +143,19 @@ def read_json(path: Path | str) -> Any:
         ) from error
     except (ValueError, RecursionError) as error:  # also numbers of thousands of digits, and brackets without end
         raise InputError(str(path), expected="valid JSON", got=str(error), fix="write the file again") from error
+
+
+def each_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """The entries of a JSON object, of which none is given twice.
+
+    Raises:
+        ValueError: one is.
+    """
+    table = dict(pairs)
+    if len(table) < len(pairs):
+        keys = [key for key, _ in pairs]
+        raise ValueError(f"an entry that occurs twice: {next(key for key in keys if keys.count(key) > 1)!r}")
+    return table
 
 
 def hash_file(path: Path | str) -> str:

@@ -6,6 +6,10 @@ from mixpinn.base.arrays import AnyArray, Float32Array, IntArray
 from mixpinn.base.errors import InputError
 
 
+_LARGEST = 1000.0
+"""Displacement that no skin has [mm]; far beyond it single precision has no numbers left."""
+
+
 def checked_contact(nodes: AnyArray, displacements: AnyArray, *, n_nodes: int) -> tuple[IntArray, Float32Array]:
     """Contact nodes in ascending order, shape (c,), and the displacement of each [mm], float32, shape (c, 3).
 
@@ -17,7 +21,7 @@ def checked_contact(nodes: AnyArray, displacements: AnyArray, *, n_nodes: int) -
         n_nodes: number n of mesh nodes.
 
     Raises:
-        InputError: unknown or repeated nodes, another shape, or values that are not finite.
+        InputError: unknown or repeated nodes, another shape, or values that are not finite or beyond any body.
     """
     nodes, displacements = np.asarray(nodes), np.asarray(displacements)
     if nodes.ndim != 1 or len(nodes) == 0 or nodes.dtype.kind not in "iu":
@@ -49,6 +53,12 @@ def checked_contact(nodes: AnyArray, displacements: AnyArray, *, n_nodes: int) -
         raise InputError(
             "contact displacements", expected="finite numbers", got=f"{wrong} others",
             fix="leave out contact nodes whose displacement is unknown",
+        )
+    largest = float(np.abs(displacements).max())
+    if largest > _LARGEST:
+        raise InputError(
+            "contact displacements", expected=f"displacements in mm, at most {_LARGEST:g}", got=f"{largest:.3g}",
+            fix="give the displacements of the nodes [mm]",
         )
     return ids, displacements[order].astype(np.float32)
 

@@ -14,6 +14,7 @@ from mixpinn.base.text_table import read_columns, require_unit
 from mixpinn.records import Sample
 
 _FIX = "write columns node, dx, dy, dz [mm] under these names (.csv) or 'nodes' and 'displacements' (.json, .npz)"
+_ARRAYS, _UNITS = ("nodes", "displacements"), ("unit", "units")
 _COLUMNS = {
     "node": ("nodes", "node_id", "nodeid", "node_number", "id", "index", "point_id", "vtkoriginalpointids"),
     **{
@@ -72,8 +73,7 @@ def read_contacts(path: Path | str) -> tuple[AnyArray, AnyArray]:
     try:
         nodes, displacements = readers[suffix](path)
     except (KeyError, ValueError, TypeError, OSError, EOFError, zipfile.BadZipFile) as error:
-        text = f"{type(error).__name__}: {error}"
-        raise InputError(str(path), expected="contact nodes and their displacement", got=text, fix=_FIX) from error
+        raise InputError(str(path), expected="contact nodes and their displacement", got=str(error), fix=_FIX) from error
     return _whole(path, np.asarray(nodes)), displacements
 
 
@@ -94,14 +94,21 @@ def _read_table(path: Path) -> tuple[AnyArray, AnyArray]:
 
 def _read_json(path: Path) -> tuple[AnyArray, AnyArray]:
     values = read_json(path)
-    for name in ("unit", "units"):
+    if not isinstance(values, dict) or not set(_ARRAYS) <= set(values):
+        raise ValueError(f"no entries {' and '.join(map(repr, _ARRAYS))}")
+    for name in _UNITS:
         if name in values:
             require_unit(str(values[name]), "mm", f"{path}: {name}", fix=_FIX)
     return np.array(values["nodes"]), np.array(values["displacements"])
 
 
 def _read_npz(path: Path) -> tuple[AnyArray, AnyArray]:
-    values = read_npz(path, ("nodes", "displacements"), most=_MOST)
+    values = read_npz(path, most=_MOST)
+    if not set(_ARRAYS) <= set(values):
+        raise ValueError(f"no arrays {' and '.join(map(repr, _ARRAYS))}")
+    for name in _UNITS:
+        if name in values:
+            require_unit(str(values[name]), "mm", f"{path}: {name}", fix=_FIX)
     return values["nodes"], values["displacements"]
 
 
