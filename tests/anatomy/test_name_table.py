@@ -25,7 +25,8 @@ def test_formats(tmp_path, name, text, encoding):
 
 @pytest.mark.parametrize("text", [
     '{"labels": {"1": {"name": "L1"}}}', '{"L1": [1, 2]}', '{"31.5": "L1"}', "31,5\n20,21\n",
-    "index,value,name\n1,31,L1\n", "index,name\n31,\n", "", "hello", "20\n21\n", "index,name\n1.5,a\n", "index,name\n1,a\n1,b\n", "[1, 2]", "\x00\x01",
+    "index,value,name\n1,31,L1\n", "index,name\n31,\n", "", "hello", "20\n21\n", "index,name\n1.5,a\n",
+    "index,name\n1,a\n1,b\n", "[1, 2]", "\x00\x01",
 ])
 def test_what_is_no_table_says_which_formats_are_taken(tmp_path, text):
     (tmp_path / "a.txt").write_text(text)

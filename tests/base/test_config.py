@@ -22,6 +22,8 @@ class Outer:
     named: dict[str, Inner] = field(default_factory=dict)
     names: tuple[str, ...] = ("x",)
     limit: int | None = None
+    pair: tuple[float, float] = (0.0, 0.0)
+    really: bool = False
 
 
 def test_later_layers_win_and_nested_ones_are_merged():
@@ -42,6 +44,15 @@ def test_bad_settings_are_named(values, says):
         build_config(Outer, values)
     assert says in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("values", [
+    {"inner": {"size": True}}, {"named": {"a": {"size": False}}}, {"limit": True}, {"pair": [1.0, True]},
+])
+def test_true_is_no_number(values):
+    with pytest.raises(InputError, match=r"expected a number, got (?:true|false)"):
+        build_config(Outer, values)
+    assert build_config(Outer, {"really": True}).really
 
 
 def test_overrides_are_json_or_text():

@@ -13,6 +13,7 @@ from typing import Any, TypeVar
 from pydantic import TypeAdapter, ValidationError
 
 from mixpinn.base.errors import InputError
+from mixpinn.base.files import each_once
 from mixpinn.base.text import read_text
 
 C = TypeVar("C")
@@ -27,7 +28,8 @@ def read_config_file(path: Path | str) -> dict[str, Any]:
     path = Path(path)
     text = read_text(path, expected="a configuration file").lstrip("\ufeff").replace("\r\n", "\n")
     try:
-        values = json.loads(text) if path.suffix.lower() == ".json" else tomllib.loads(text)
+        as_json = path.suffix.lower() == ".json"
+        values = json.loads(text, object_pairs_hook=each_once) if as_json else tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         hint = "mend the syntax"
         if "\\" in text:
@@ -110,6 +112,19 @@ def _refuse_infinite(value: Any, where: str) -> None:
         raise InputError(where, expected="a finite number", got=repr(value), fix="correct the setting")
 
 
+def _refuse_switches(given: Any, built: Any, where: str) -> None:
+    """No number is meant by true or false, which Python counts as 1 and 0."""
+    if isinstance(given, Mapping):
+        for key, entry in given.items():
+            inner = built.get(key) if isinstance(built, Mapping) else getattr(built, str(key), None)
+            _refuse_switches(entry, inner, f"{where}.{key}" if where else str(key))
+    elif isinstance(given, list | tuple) and isinstance(built, list | tuple):
+        for entry, inner in zip(given, built, strict=False):
+            _refuse_switches(entry, inner, where)
+    elif isinstance(given, bool) and isinstance(built, int | float) and not isinstance(built, bool):
+        raise InputError(where, expected="a number", got=str(given).lower(), fix="correct the setting")
+
+
 def _defaults(kind: Any) -> dict[str, Any]:
     """Defaults of `kind` as nested dictionaries; none where a setting has no default."""
     required = [
@@ -135,7 +150,7 @@ def build_config(kind: type[C], *layers: Mapping[str, Any]) -> C:
     _refuse_infinite(given, "")
     values = merge(_defaults(kind), given)
     try:
-        return TypeAdapter(kind).validate_python(values)
+        built = TypeAdapter(kind).validate_python(values)
     except ValidationError as error:
         first = error.errors()[0]
         raise InputError(
@@ -143,3 +158,5 @@ def build_config(kind: type[C], *layers: Mapping[str, Any]) -> C:
             expected=first["msg"].removeprefix("Input should be "),
             got=repr(first.get("input")), fix="correct the setting",
         ) from error
+    _refuse_switches(given, built, "")
+    return built

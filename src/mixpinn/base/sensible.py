@@ -4,6 +4,9 @@ from collections.abc import Mapping
 
 from mixpinn.base.errors import InputError
 
+_LARGEST = 1e12
+"""Beyond which a setting is a slip, in whatever unit."""
+
 
 def require_settings(settings: object, group: str, checks: Mapping[str, tuple[bool, str]]) -> None:
     """Refuse the first setting whose check failed.
@@ -24,10 +27,10 @@ def require_settings(settings: object, group: str, checks: Mapping[str, tuple[bo
 
 
 def positive(settings: object, *names: str) -> dict[str, tuple[bool, str]]:
-    """Checks that settings are finite and above 0."""
-    return {name: (0.0 < getattr(settings, name) < float("inf"), "a positive number") for name in names}
+    """Checks that settings are above 0, and no larger than anything that is measured."""
+    return {name: (0.0 < getattr(settings, name) <= _LARGEST, "a positive number") for name in names}
 
 
 def not_negative(settings: object, *names: str) -> dict[str, tuple[bool, str]]:
-    """Checks that settings are finite and 0 or more."""
-    return {name: (0.0 <= getattr(settings, name) < float("inf"), "0 or more") for name in names}
+    """Checks that settings are 0 or more, and no larger than anything that is measured."""
+    return {name: (0.0 <= getattr(settings, name) <= _LARGEST, "0 or more") for name in names}

@@ -54,7 +54,10 @@ class Protocol:
 
     def __post_init__(self) -> None:
         require_settings(self, "protocol", {
-            "rotations": (0 < len(self.rotations) == len(set(self.rotations)), "distinct angles"),
+            "rotations": (
+                0 < len(self.rotations) == len({angle % 360.0 for angle in self.rotations})
+                and max(map(abs, self.rotations)) <= 360.0, "distinct angles from −360° to 360°",
+            ),
             "approach": (0.0 <= self.approach < np.inf, "0 mm or more"),
             "lag": (abs(self.lag) < np.inf, "a length"),
             "step": (0.0 < self.step < np.inf, "a positive length"),

@@ -5,7 +5,6 @@ import numpy as np
 from mixpinn.base.arrays import AnyArray, Float32Array, IntArray
 from mixpinn.base.errors import InputError
 
-
 _LARGEST = 1000.0
 """Displacement that no skin has [mm]; far beyond it single precision has no numbers left."""
 

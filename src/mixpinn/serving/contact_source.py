@@ -73,7 +73,8 @@ def read_contacts(path: Path | str) -> tuple[AnyArray, AnyArray]:
     try:
         nodes, displacements = readers[suffix](path)
     except (KeyError, ValueError, TypeError, OSError, EOFError, zipfile.BadZipFile) as error:
-        raise InputError(str(path), expected="contact nodes and their displacement", got=str(error), fix=_FIX) from error
+        expected = "contact nodes and their displacement"
+        raise InputError(str(path), expected=expected, got=str(error), fix=_FIX) from error
     return _whole(path, np.asarray(nodes)), displacements
 
 

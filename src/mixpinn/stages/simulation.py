@@ -57,6 +57,8 @@ from mixpinn.stages.restraints import (
 STORE = "store"
 _PROBE = "probe: shape: "
 """How a doubt about the probe begins (`mixpinn.records.doubts`)."""
+_STIFFEST = 1e10
+"""Modulus of no matter [kPa]: diamond has a tenth of it."""
 Energy = Literal["stable", "stable-log", "linear"]
 
 
@@ -83,6 +85,12 @@ class TissueConfig:
     energy: Energy = "stable"
 
     def __post_init__(self) -> None:
+        for name in ("young", "mu", "lam"):
+            if abs(getattr(self, name) or 0.0) > _STIFFEST:
+                raise InputError(
+                    f"tissue.{name}", expected=f"at most {_STIFFEST:g} kPa", got=f"{getattr(self, name):g}",
+                    fix="give it in kPa",
+                )
         self.material()  # constants of no stable material are refused when they are given
 
     def material(self) -> Material:
