@@ -14,6 +14,7 @@ from mixpinn.base.errors import InputError
 class Inner:
     size: float = 1.0
     kind: Literal["a", "b"] = "a"
+    seed: int = 0
 
 
 @dataclass(frozen=True)
@@ -35,7 +36,7 @@ def test_later_layers_win_and_nested_ones_are_merged():
 
 @pytest.mark.parametrize(("values", "says"), [
     ({"iner": {}}, "iner: expected one of inner, named, names, limit"),
-    ({"inner": {"sise": 1}}, "inner.sise: expected one of size, kind"),
+    ({"inner": {"sise": 1}}, "inner.sise: expected one of size, kind, seed"),
     ({"inner": {"kind": "c"}}, "inner.kind: expected 'a' or 'b', got 'c'"),
     ({"inner": 3}, "inner"), ({"limit": "many"}, "limit"), ({"named": {"n": {"sise": 1}}}, "named.n.sise"),
 ])
@@ -44,6 +45,11 @@ def test_bad_settings_are_named(values, says):
         build_config(Outer, values)
     assert says in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_seeds_are_not_negative():
+    with pytest.raises(InputError, match=r"named\.a\.seed: expected 0 or more, got -1"):
+        build_config(Outer, {"named": {"a": {"seed": -1}}})
 
 
 @pytest.mark.parametrize("values", [

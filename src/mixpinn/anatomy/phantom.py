@@ -11,6 +11,7 @@ from mixpinn.anatomy.segmentation import Segmentation, Structure, grown_box
 from mixpinn.anatomy.vertebra import VertebraShape, paint_vertebra
 from mixpinn.base.arrays import FloatArray
 from mixpinn.base.errors import InputError
+from mixpinn.records.voxels import check_extents
 from mixpinn.records.label_map import SCANNER_TO_WORLD, LabelMap
 
 NAMES = (*(f"vertebrae_T{number}" for number in range(1, 13)), *(f"vertebrae_L{number}" for number in range(1, 6)))
@@ -94,6 +95,7 @@ def phantom_segmentation(
     high = np.array([0.5 * config.torso_width, back,
                      centres[-1, 1] + 0.5 * shapes[-1].body_height + config.below]) + 2.0 * size
     counts = np.ceil((high - low) / size).astype(int)
+    check_extents(counts.tolist(), 1, "phantom")
     x, y, z = (low[axis] + size * (np.arange(counts[axis]) + 0.5) for axis in range(3))
     middle = back - 0.5 * config.torso_depth
     ellipse = (2.0 * x[:, None] / config.torso_width) ** 2 + (2.0 * (y - middle) / config.torso_depth) ** 2 <= 1.0

@@ -100,14 +100,16 @@ def _refuse_unknown(kind: Any, values: Mapping[str, Any], where: str) -> None:
                 _refuse_unknown(typing.get_args(nested)[1], entry, f"{where}{key}.{name}.")
 
 
-def _refuse_infinite(value: Any, where: str) -> None:
-    """No setting means anything that is not finite."""
+def _refuse_senseless(value: Any, where: str) -> None:
+    """No setting means anything that is not finite, and no seed is negative."""
     if isinstance(value, Mapping):
         for key, entry in value.items():
-            _refuse_infinite(entry, f"{where}.{key}" if where else str(key))
+            _refuse_senseless(entry, f"{where}.{key}" if where else str(key))
     elif isinstance(value, list | tuple):
         for entry in value:
-            _refuse_infinite(entry, where)
+            _refuse_senseless(entry, where)
+    elif isinstance(value, int) and value < 0 and where.rpartition(".")[2] == "seed":
+        raise InputError(where, expected="0 or more", got=str(value), fix="correct the setting")
     elif isinstance(value, float) and not math.isfinite(value):
         raise InputError(where, expected="a finite number", got=repr(value), fix="correct the setting")
 
@@ -147,7 +149,7 @@ def build_config(kind: type[C], *layers: Mapping[str, Any]) -> C:
     for layer in layers:
         given = merge(given, layer)
     _refuse_unknown(kind, given, "")
-    _refuse_infinite(given, "")
+    _refuse_senseless(given, "")
     values = merge(_defaults(kind), given)
     try:
         built = TypeAdapter(kind).validate_python(values)

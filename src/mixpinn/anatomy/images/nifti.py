@@ -8,6 +8,7 @@ from pathlib import Path
 
 import nibabel as nib
 import numpy as np
+from nibabel import imageglobals
 
 from mixpinn.anatomy.images.label_image import LabelImage, make_label_image
 from mixpinn.anatomy.images.nifti_affine import nifti_affine
@@ -90,7 +91,7 @@ def open_nifti(path: Path) -> nib.Nifti1Image:
 @contextmanager
 def _one_line() -> Iterator[None]:
     """nibabel says nothing of its own: what matters of a header is looked at and told here."""
-    logger = nib.imageglobals.logger
+    logger = imageglobals.logger
     before, logger.disabled = logger.disabled, True
     try:
         yield
