@@ -108,8 +108,9 @@ def test_tiny_phantom():
     assert tiny.labels.size < 100_000
 
 
-@pytest.mark.parametrize("change", [{"voxel_size": 1e-6}, 
-    {"vertebrae": 0}, {"vertebrae": 18}, {"voxel_size": 0.0}, {"torso_width": -1.0}, {"disc_height": float("nan")},
+@pytest.mark.parametrize("change", [
+    {"vertebrae": 0}, {"vertebrae": 18}, {"voxel_size": 0.0}, {"voxel_size": 1e-6}, {"torso_width": -1.0},
+    {"disc_height": float("nan")},
     {"disc_height": 1.0}, {"lordosis": 90.0}, {"above": -1.0}, {"variation": 2.0}, {"torso_depth": 70.0},
     {"torso_width": 80.0}, {"vertebra": VertebraShape(canal_width=0.0)}, {"vertebra": VertebraShape(body_waist=-1.0)},
 ])

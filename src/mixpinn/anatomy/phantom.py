@@ -11,8 +11,8 @@ from mixpinn.anatomy.segmentation import Segmentation, Structure, grown_box
 from mixpinn.anatomy.vertebra import VertebraShape, paint_vertebra
 from mixpinn.base.arrays import FloatArray
 from mixpinn.base.errors import InputError
-from mixpinn.records.voxels import check_extents
 from mixpinn.records.label_map import SCANNER_TO_WORLD, LabelMap
+from mixpinn.records.voxels import check_extents
 
 NAMES = (*(f"vertebrae_T{number}" for number in range(1, 13)), *(f"vertebrae_L{number}" for number in range(1, 6)))
 MINIMUM_GAP = 2
