@@ -157,6 +157,18 @@ def test_it_meets_the_full_contact_simulation_where_the_body_is_nearly_linear(me
     assert error < 0.1 * np.linalg.norm(true.displacement[-1], axis=1).mean()
 
 
+def test_it_meets_the_full_contact_simulation_of_quadratic_cells(mesh) -> None:
+    curved = mesh.with_order(2)
+    probe, depth = linear_probe(length=22.0, width=14.0, height=20.0, radius=3.0), 2.0
+    steps = np.arange(0.0, depth + 1e-9, 0.5)
+    tips = np.stack([np.full(len(steps), 20.0), UP + 2.0 - steps, np.full(len(steps), 21.0)], axis=1)
+    path = ProbePath(tips, np.tile(np.eye(3), (len(steps), 1, 1)), steps)
+    true = PoseSimulator(Scene(curved, probe, (TISSUE,)), linear=SuperLUSolver()).run(path)
+    bent = ElasticPrior.build(curved, [TISSUE], nodes=top_nodes(curved), linear=SuperLUSolver())
+    found = PriorContact.of_prior(bent).solve([field_of(probe)], np.eye(3)[None], tips[-1:])
+    assert_allclose(found.wrench[0, 1], true.probe_wrench[-1, 1], rtol=0.06)  # the softer penalty gives way
+
+
 def test_bad_poses_are_refused(prior, ball) -> None:
     contact = PriorContact.of_prior(prior)
     rotation, tip = pose()

@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose
 
 from mixpinn.geometry.probe_shapes import linear_probe, spherical_probe
 from mixpinn.press.probe_field import FAR, LINEAR_ERROR, ProbeField, distance_about, shadow_columns, signed_distance
-from mixpinn.press.step_kernel import _STEEPEST
+from mixpinn.press.step_kernel import STEEPEST
 
 RADIUS = 12.0
 
@@ -70,7 +70,7 @@ def test_a_cheap_distance_is_never_larger_by_more_than_it_says_nor_does_the_dist
     assert outside.sum() > 5_000
     assert ((about == FAR) == (distance == FAR)).all()
     assert (about - distance)[outside].max() < LINEAR_ERROR * field.spacing
-    assert np.linalg.norm(gradient[outside], axis=1).max() < _STEEPEST
+    assert np.linalg.norm(gradient[outside], axis=1).max() < STEEPEST
 
 
 def test_the_shadow_is_where_the_probe_comes_down(ball) -> None:

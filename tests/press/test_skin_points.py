@@ -26,3 +26,21 @@ def test_parts_are_no_longer_than_the_spacing_and_lie_inside() -> None:
     assert_array_equal(np.bincount(found.face), [25, 25])
     assert (found.weights > 0.0).all()
     assert_allclose(found.weights.sum(axis=1), 1.0)
+
+
+def test_a_uniform_pressure_on_a_face_of_six_nodes_loads_its_midpoints_alone() -> None:
+    corners = np.array([[0.0, 0.0, 0.0], [9.0, 0.0, 0.0], [1.0, 0.0, 7.0]])
+    nodes = np.concatenate([corners, 0.5 * (corners + np.roll(corners, -1, axis=0))])
+    found = SkinPoints.of_faces(nodes, np.arange(6)[None], spacing=4.0)
+    assert_allclose(found.area.sum(), 31.5)
+    assert len(found.area) % 3 == 0
+    load = np.zeros(6)
+    np.add.at(load, found.stencil, found.area[:, None] * found.weights)
+    assert_allclose(load, 31.5 * np.array([0.0, 0.0, 0.0, 1.0, 1.0, 1.0]) / 3.0, atol=1e-12)
+    # They move with the face: a field of second order is met exactly at every point.
+    places = np.einsum("pw,pwk->pk", found.weights, nodes[found.stencil])
+
+    def bent(at):
+        return 1.0 + 0.3 * at[:, 0] - 0.02 * at[:, 0] * at[:, 2] + 0.05 * at[:, 2] ** 2
+
+    assert_allclose(np.einsum("pw,pw->p", found.weights, bent(nodes)[found.stencil]), bent(places), atol=1e-12)

@@ -40,6 +40,8 @@ from mixpinn.reduced.row_products import block_of
 
 _CUTS = 5
 """A step may be halved so often."""
+_EDGES = {3: ((0, 1), (1, 2), (2, 0)), 6: ((0, 1, 3), (1, 2, 4), (2, 0, 5))}
+"""Edges of a face by its number of nodes: both ends, and the midpoint where there is one."""
 
 
 class PriorContact:
@@ -50,14 +52,15 @@ class PriorContact:
     """
 
     def __init__(
-        self, points: FloatArray, triangles: IntArray, nodes: IntArray, compliance: FloatArray,
+        self, points: FloatArray, faces: IntArray, nodes: IntArray, compliance: FloatArray,
         config: PoseContactConfig | None = None,
     ) -> None:
         """Prepare.
 
         Args:
             points: rest positions of the mesh's nodes [mm], shape (n, 3).
-            triangles: skin triangles between candidate contact nodes, by mesh node, shape (t, 3).
+            faces: of the skin between candidate contact nodes, by mesh node, shape (t, 3), or (t, 6) with the
+                midpoints of their edges.
             nodes: candidate contact nodes, ascending, shape (c,).
             compliance: displacement of the candidates under unit forces on them [mm/N], symmetric, shape (3 c, 3 c).
             config: how contact is solved.
@@ -65,20 +68,20 @@ class PriorContact:
         self.config, self.cuts = config or PoseContactConfig(), _CUTS
         self.nodes = np.asarray(nodes, dtype=np.int64)
         self.rest = np.ascontiguousarray(points[self.nodes])
-        self._triangles = np.searchsorted(self.nodes, triangles).astype(np.int64)
+        self._faces = np.searchsorted(self.nodes, faces).astype(np.int64)
         self._compliance = compliance
-        self.skin = SkinPoints.of_triangles(self.rest, self._triangles, spacing=self.config.spacing)
+        self.skin = SkinPoints.of_faces(self.rest, self._faces, spacing=self.config.spacing)
         self._places = np.einsum("pw,pwk->pk", self.skin.weights, self.rest[self.skin.stencil])
-        edges = np.sort(np.concatenate([self._triangles[:, pair] for pair in ((0, 1), (1, 2), (2, 0))]), axis=1)
-        pairs, count = np.unique(edges, axis=0, return_counts=True)
+        edges = np.concatenate([self._faces[:, pair] for pair in _EDGES[self._faces.shape[1]]])
+        _, first, count = np.unique(np.sort(edges[:, :2], axis=1), axis=0, return_index=True, return_counts=True)
         self._rim = np.zeros(len(self.nodes), dtype=bool)
-        self._rim[pairs[count == 1]] = True
+        self._rim[edges[first[count == 1]]] = True
 
     @staticmethod
     def of_prior(prior: ElasticPrior, config: PoseContactConfig | None = None) -> "PriorContact":
         """Contact on the nodes of `prior`."""
         return PriorContact(
-            prior.mesh.node_points, candidate_triangles(prior.mesh, prior.nodes), prior.nodes,
+            prior.mesh.node_points, candidate_faces(prior.mesh, prior.nodes), prior.nodes,
             prior.own_compliance, config,
         )
 
@@ -139,13 +142,13 @@ class PriorContact:
             self._touch(*place) for place in zip(probes, rotations, translations, strict=True)
         ]
         depths = np.array([touch.max(initial=-np.inf) for touch in touches])
-        near = np.zeros(len(self._triangles), dtype=bool)
+        near = np.zeros(len(self._faces), dtype=bool)
         for place, touch in zip(zip(probes, rotations, translations, strict=True), touches, strict=True):
             near |= self._shadow(*place, touch)
         if history is not None:
             for place in zip(probes, history.rotations, history.translations, strict=True):
                 near |= self._shadow(*place, self._touch(*place))
-            near |= (history.force != 0.0).any(axis=1)[self._triangles].any(axis=1)
+            near |= (history.force != 0.0).any(axis=1)[self._faces].any(axis=1)
         session = self._session(placed, np.flatnonzero(near), depths, history)
         if history is None:
             return session.go(self._path_down(placed, depths))
@@ -156,7 +159,7 @@ class PriorContact:
     ) -> ContactSession:
         """Before anything is solved: the patch of skin, and the state that the history tells."""
         chosen = self.skin.on_faces(faces)
-        patch = np.unique(self._triangles[faces])
+        patch = np.unique(self._faces[faces])
         local = np.full(len(self.nodes), -1, dtype=np.int64)
         local[patch] = np.arange(len(patch))
         rows = (3 * patch[:, None] + np.arange(3)).ravel()
@@ -184,7 +187,7 @@ class PriorContact:
         self, probe: ProbeField, rotation: FloatArray, translation: FloatArray, touch: FloatArray,
     ) -> BoolArray:
         """Whether each triangle may be touched on the way to a pose, shape (t,): it lies near the probe's shadow."""
-        near = np.zeros(len(self._triangles), dtype=bool)
+        near = np.zeros(len(self._faces), dtype=bool)
         columns = shadow_columns(probe, self.config.deepest)
         if columns is not None and touch.max(initial=-np.inf) > -self.config.reach:
             low = probe.origin[[0, 2]] + probe.spacing * columns[0] - self.config.margin
@@ -223,7 +226,7 @@ class PriorContact:
         return rotations, translations
 
 
-def candidate_triangles(mesh: TissueMesh, nodes: IntArray) -> IntArray:
-    """Skin triangles of `mesh` whose corners are all among `nodes`, by mesh node, shape (t, 3)."""
-    faces = np.asarray(mesh.skin_triangles, dtype=np.int64)
+def candidate_faces(mesh: TissueMesh, nodes: IntArray) -> IntArray:
+    """Faces of the skin of `mesh` whose nodes are all among `nodes`, by mesh node, shape (t, 3) or (t, 6)."""
+    faces = np.asarray(mesh.skin_node_faces, dtype=np.int64)
     return faces[np.isin(faces, nodes).all(axis=1)]

@@ -21,7 +21,9 @@ from mixpinn.records import Probe
 from mixpinn.records.answer import discretisation_of
 from mixpinn.reduced.hybrid import BUNDLE, POSE_FILE, HybridModel
 
-_FORMAT = 2
+_FORMAT = 3
+_FLAT_FACES = 2
+"""The format in which contact took faces of six nodes for four flat triangles: what it learned belongs to that."""
 _REMAKE = "fit the pose model again"
 _FIELD = {
     "coefficients": ArraySpec("number", ("x", "y", "z")), "origin": ArraySpec("number", (3,)),
@@ -49,7 +51,7 @@ class _Error:
 class _About:
     """What ``pose.safetensors`` says besides its arrays."""
 
-    format: Literal[2]
+    format: Literal[2, 3]
     mesh_hash: str
     steps: Annotated[int, Field(ge=0, le=1_000)]
     spacings: tuple[_Positive, ...]
@@ -96,6 +98,11 @@ def load_pose_model(folder: Path | str, hybrid: HybridModel) -> PoseModel:
             str(path), expected=f"a pose model of {discretisation_of(hybrid.mesh)}",
             got=f"one of another mesh, {values.mesh_hash}",
             fix="copy the whole bundle that this file came with, or fit it again for this mesh (mixpinn onboard)",
+        )
+    if values.format == _FLAT_FACES and hybrid.mesh.order == 2 and values.corrected:
+        raise InputError(
+            str(path), expected="a pose model of curved faces", got="one of an earlier version, of flat ones",
+            fix=_REMAKE,
         )
     try:
         probes = tuple(

@@ -22,7 +22,8 @@ class PoseContactConfig:
         friction: Coulomb's coefficient μ.
         stiffness: of contact, normal and tangential, for each area of skin [N/mm/mm²].
         smoothing: violation over which the contact stiffness sets in [mm].
-        spacing: largest edge of the parts of a skin triangle that each have a contact point [mm].
+        spacing: largest edge of the parts of a face of the skin that each have a contact point, or, where faces have
+            six nodes, three [mm].
         margin: skin within this distance of the probe's shadow takes part [mm].
         reach: a probe that is farther than this from first touch touches nothing [mm].
         deepest: what of the probe lies this far above its tip or farther is not met [mm].

@@ -19,7 +19,7 @@ import numpy as np
 
 from mixpinn.base.arrays import BoolArray, FloatArray, IntArray
 from mixpinn.fem.contact.face_kernel import bounding_capsules, evaluate_faces, nearest_on_probe
-from mixpinn.fem.contact.face_points import FacePoints
+from mixpinn.physics.face_points import FacePoints
 from mixpinn.fem.contact.model import ContactConfig, ContactModel
 from mixpinn.fem.contact.problem import MARGIN, ContactForces
 from mixpinn.fem.contact.surfaces import SkinPatch, SkinSurface
