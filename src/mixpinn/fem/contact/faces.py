@@ -19,7 +19,6 @@ import numpy as np
 
 from mixpinn.base.arrays import BoolArray, FloatArray, IntArray
 from mixpinn.fem.contact.face_kernel import bounding_capsules, evaluate_faces, nearest_on_probe
-from mixpinn.physics.face_points import FacePoints
 from mixpinn.fem.contact.model import ContactConfig, ContactModel
 from mixpinn.fem.contact.problem import MARGIN, ContactForces
 from mixpinn.fem.contact.surfaces import SkinPatch, SkinSurface
@@ -27,6 +26,7 @@ from mixpinn.geometry.probe_pose import ProbePose
 from mixpinn.geometry.probe_surface import ProbeSurface
 from mixpinn.geometry.triangle_search import close_pairs, points_beneath
 from mixpinn.physics.contact_law import ContactConstants
+from mixpinn.physics.face_points import FacePoints
 
 
 @dataclass(frozen=True, eq=False)
