@@ -18,7 +18,7 @@ import numpy as np
 from benchmarks.history import report
 from mixpinn.base.arrays import FloatArray
 from mixpinn.fem import ElasticSystem, LinearElastic, default_solver
-from mixpinn.fem.contact.face_points import FacePoints
+from mixpinn.physics.face_points import FacePoints
 from mixpinn.mesh import load_paper_mesh, refine
 from mixpinn.records import TissueMesh
 

@@ -4,11 +4,11 @@ import pytest
 from fem.block_mesh import block
 from mixpinn.fem import ContactConfig, SkinSurface
 from mixpinn.fem.contact.face_kernel import bounding_capsules, nearest_on_probe, nearest_within
-from mixpinn.fem.contact.face_points import FacePoints
 from mixpinn.fem.contact.faces import FaceContactModel
 from mixpinn.geometry.probe_pose import ProbePose
 from mixpinn.geometry.probe_shapes import linear_probe
 from mixpinn.geometry.probe_surface import ProbeSurface
+from mixpinn.physics.face_points import FacePoints
 from mixpinn.records import Probe
 
 GAP = 2.0
