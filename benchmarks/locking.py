@@ -18,8 +18,8 @@ import numpy as np
 from benchmarks.history import report
 from mixpinn.base.arrays import FloatArray
 from mixpinn.fem import ElasticSystem, LinearElastic, default_solver
-from mixpinn.physics.face_points import FacePoints
 from mixpinn.mesh import load_paper_mesh, refine
+from mixpinn.physics.face_points import FacePoints
 from mixpinn.records import TissueMesh
 
 PLACES = np.array([[30.0, -55.0], [50.0, 25.0], [0.0, 0.0]])
