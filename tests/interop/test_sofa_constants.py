@@ -1,9 +1,12 @@
 import pytest
 
+from mixpinn.base.checksum import with_checksum
 from mixpinn.base.errors import InputError
+from mixpinn.base.files import write_json
 from mixpinn.fem import PAPER_TISSUE, StableNeoHookean
 from mixpinn.fem.scene_record import recorded_contact, recorded_materials
 from mixpinn.interop import PAPER_SOFA, SofaConstants, SofaContact, SofaTissue
+from mixpinn.interop.sofa_constants import PARAMETERS
 
 CONTACT = SofaContact(gap=1.0, alarm=3.0, friction=0.5)
 
@@ -37,3 +40,15 @@ def test_what_is_not_said_is_refused(constants, missing):
 def test_unknown_tissue_is_refused():
     with pytest.raises(InputError, match="'bone'"):
         SofaConstants(SofaTissue(8.0, 80.0), {"bone": SofaTissue(1.0, 1.0)}, CONTACT).record(("muscle",))
+
+
+def test_constants_of_a_scene_that_were_altered_are_refused(tmp_path):
+    path = tmp_path / PARAMETERS
+    written = {"tissue_names": ["skin"], "mu": [2.5], "lam": [12.5], "gap": 2.0, "alarm": 3.0, "friction": 0.25}
+    write_json(path, with_checksum(written))
+    known = SofaConstants.of_scene(tmp_path)
+    path.write_text(path.read_text().replace("12.5", "13.5"))
+    with pytest.raises(InputError, match="altered after it was made"):
+        SofaConstants.of_scene(tmp_path)
+    write_json(path, written)  # by hand, or of an older version
+    assert SofaConstants.of_scene(tmp_path) == known

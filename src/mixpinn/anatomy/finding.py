@@ -20,7 +20,10 @@ _ADVICE: dict[Kind, tuple[str, str]] = {
     "outside": ("a rigid part inside the body", "check that both belong to one image, or ask for repair"),
     "affine": ("a header that says one thing", "write the image again with the one that is right"),
     "scale": ("lengths of a human body in mm", "write the image's spacing in mm"),
-    "direction": ("a spine along the body, head up, behind its middle", "write the image's matrix in RAS"),
+    "direction": (
+        "a body as its matrix places it: head up, spine at the back, left on the left",
+        "write the image's matrix in RAS",
+    ),
     "numbering": ("numbers that mean what the name table says", "give --names with the table of this image"),
     "cut off": ("skin on the side that is pressed", "reconstruct the image with a larger field of view"),
 }

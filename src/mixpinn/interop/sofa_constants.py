@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from mixpinn.base.checksum import without_checksum
 from mixpinn.base.errors import InputError
 from mixpinn.base.files import read_json
 from mixpinn.fem import PAPER_TISSUE, Material, StableNeoHookean
@@ -66,7 +67,8 @@ class SofaConstants:
             InputError: no such scene, or a damaged one.
         """
         path = Path(folder) / PARAMETERS
-        written = read_json(path)
+        remake = "export the scene again, or leave 'sha256' out if you changed it on purpose"
+        written = without_checksum(read_json(path), str(path), remake=remake)
         try:
             names, mu, lam = written["tissue_names"], written["mu"], written["lam"]
             tissues = {

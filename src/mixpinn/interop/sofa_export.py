@@ -9,6 +9,7 @@ import jinja2
 import numpy as np
 
 from mixpinn.base.arrays import FloatArray, IntArray
+from mixpinn.base.checksum import with_checksum
 from mixpinn.base.errors import InputError
 from mixpinn.base.files import atomic_path, write_json, write_text
 from mixpinn.records import Probe, ProbePath, TissueMesh
@@ -99,12 +100,12 @@ def export_sofa_scene(
             fix="give one for each soft tissue",
         )
     faces = reachable_faces(mesh, probe, paths) if skin_faces is None else np.asarray(skin_faces)
-    write_json(folder / "parameters.json", {
+    write_json(folder / "parameters.json", with_checksum({
         **asdict(settings), "mu": list(settings.mu) * (tissues // len(settings.mu)),
         "lam": list(settings.lam) * (tissues // len(settings.lam)),
         "rigid_names": list(mesh.rigid_names), "tissue_names": list(mesh.tissue_names), "mesh_hash": mesh.hash(),
         "probe_name": probe.name, "units": "mm, N, MPa, tonne, s",
-    })
+    }))
     with atomic_path(folder / "geometry.npz") as temporary:
         np.savez_compressed(
             temporary, points=mesh.points, cells=mesh.cells, part=mesh.part, fixed=mesh.fixed, tissue=mesh.tissue,
