@@ -203,14 +203,14 @@ def unseen(bundle: Path, store: Path | None) -> "SampleTable | None":
 
 def confirmed(scene: Any, press: Press, at: list[int], *, dips: bool) -> int:
     """How many of the jumps or dips at these depths the full solver makes too."""
-    from mixpinn.fem import PoseSimulator
+    from mixpinn.fem import simulate_pose
     from mixpinn.records import ProbePath
 
     depths = np.arange(1.0, np.ceil(press.depths[max(at)]))
     depths = np.unique(np.concatenate([depths, press.depths[[k for i in at for k in (i - 1, i)]]]))
     tips = press.touch - depths[:, None] * press.rotation[:, 1]
     path = ProbePath(tips, np.repeat(press.rotation[None], len(depths), axis=0), depths)
-    force = PoseSimulator(scene).run(path).probe_wrench[:, :3]
+    force = simulate_pose(scene, path, position_index=0, rotation_deg=0.0).probe_wrench[:, :3]
     count = 0
     for i in at:
         before, after = (int(np.argmin(np.abs(depths - press.depths[k]))) for k in (i - 1, i))
@@ -229,7 +229,7 @@ def full_scene(bundle: Path) -> Any:
     tied = store.restraints()
     return Scene(
         store.mesh(), store.probe() or linear_probe(), store.materials(), store.contact(), joints=tied.joints,
-        foundations=tied.foundations, membrane=tied.membrane,
+        foundations=tied.foundations, membrane=tied.membrane, refinement=store.refinement(),
     )
 
 

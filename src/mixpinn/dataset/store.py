@@ -16,8 +16,15 @@ from mixpinn.base.validated import load_record
 from mixpinn.dataset.protocol import Pose, Protocol
 from mixpinn.dataset.status import PoseState, PoseStatus, content_hash, folder_sizes, status_of
 from mixpinn.fem.contact.model import ContactConfig
+from mixpinn.fem.local_refinement import LocalRefinement
 from mixpinn.fem.material.hyperelastic import Material
-from mixpinn.fem.scene_record import recorded_contact, recorded_materials, recorded_restraints, scene_hash
+from mixpinn.fem.scene_record import (
+    recorded_contact,
+    recorded_materials,
+    recorded_refinement,
+    recorded_restraints,
+    scene_hash,
+)
 from mixpinn.physics.joint_system import Joint
 from mixpinn.physics.restraints import Restraints
 from mixpinn.records import MESH_FILE, Probe, Simulation, TissueMesh
@@ -187,6 +194,10 @@ class SimulationStore:
             InputError: not recorded.
         """
         return recorded_contact(self.scene, str(self.folder))
+
+    def refinement(self) -> LocalRefinement | None:
+        """How cells were refined under the probe; None where they were not."""
+        return recorded_refinement(self.scene)
 
     def probe(self) -> Probe | None:
         """The probe of the simulations; None where it was not recorded.

@@ -7,6 +7,7 @@ import numpy as np
 from mixpinn.base.errors import InputError
 from mixpinn.fem.contact.model import ContactConfig
 from mixpinn.fem.contact.surfaces import SkinSurface
+from mixpinn.fem.local_refinement import LocalRefinement
 from mixpinn.fem.material.hyperelastic import DEFAULT_TISSUE, Material
 from mixpinn.fem.rigid.joint_presets import JointPreset, preset_joints, with_figures
 from mixpinn.fem.scene_record import scene_hash, scene_record
@@ -34,6 +35,7 @@ class Scene:
         joints: between rigid parts; by default none, and the parts float in the tissue (`joined` sets a preset's).
         foundations: under the skin; by default none, and the mesh's fixed nodes hold the body.
         membrane: of the skin; by default none.
+        refinement: of the cells under the probe, for each pose anew; None solves every pose on the mesh as it is.
     """
 
     mesh: TissueMesh
@@ -45,6 +47,7 @@ class Scene:
     joints: tuple[Joint, ...] = ()
     foundations: tuple[Foundation, ...] = ()
     membrane: Membrane | None = None
+    refinement: LocalRefinement | None = None
 
     def __post_init__(self) -> None:
         if not self.materials:
@@ -55,6 +58,11 @@ class Scene:
                 got=f"{len(self.materials)}", fix="pass as many materials as the mesh has tissues",
             )
 
+        if self.refinement is not None and self.skin is not None:
+            raise InputError(
+                "scene", expected="the mesh's own skin where cells are refined under the probe", got="another surface",
+                fix="leave the skin or the refinement out",
+            )
         object.__setattr__(self, "joints", tuple(self.joints))
         object.__setattr__(self, "foundations", tuple(self.foundations))
         discs = [name for name in self.mesh.tissue_names if "disc" in name.lower()]

@@ -15,6 +15,7 @@ from mixpinn.base.config import build_config
 from mixpinn.base.errors import InputError
 from mixpinn.base.files import hash_arrays
 from mixpinn.fem.contact.model import ContactConfig
+from mixpinn.fem.local_refinement import LocalRefinement
 from mixpinn.fem.material.hyperelastic import LinearElastic, Material, StableNeoHookean, StableNeoHookeanLog
 from mixpinn.physics.restraints import FOUNDATIONS, JOINTS, Restraints
 from mixpinn.records.plain import KIND, plain
@@ -104,3 +105,11 @@ def recorded_restraints(record: Mapping[str, Any], where: str) -> Restraints:
         InputError: a law of the user's own, which the record names but cannot rebuild, or a damaged entry.
     """
     return Restraints.of_record(record, where)
+
+
+def recorded_refinement(record: Mapping[str, Any]) -> LocalRefinement | None:
+    """How cells were refined under the probe; None where they were not."""
+    entry = record.get("refinement")
+    if not isinstance(entry, Mapping):
+        return None
+    return build_config(LocalRefinement, {key: value for key, value in entry.items() if key != KIND})

@@ -29,6 +29,7 @@ from mixpinn.dataset.local_pool import STEP_TIMEOUT
 from mixpinn.fem import (
     ContactConfig,
     LinearElastic,
+    LocalRefinement,
     Material,
     Scene,
     SolverConfig,
@@ -148,6 +149,8 @@ class SimulationConfig:
         support: what the body rests on.
         membrane: the skin besides the tissue under it: ``none``, ``tension`` or ``elastic``
             (`mixpinn.fem.material.skin_presets`).
+        refinement: of the cells under the probe, for each pose anew (`mixpinn.fem.local_refinement`); None solves all
+            poses on the mesh as it is.
     """
 
     tissue: TissueConfig = field(default_factory=TissueConfig)
@@ -164,6 +167,7 @@ class SimulationConfig:
     joint_frames: str | None = None
     support: SupportConfig = AS_MESHED
     membrane: SkinPreset = SkinPreset.NONE
+    refinement: LocalRefinement | None = None
 
     def __post_init__(self) -> None:
         require_settings(self, "simulation", positive(self, "timeout"))
@@ -203,7 +207,7 @@ def make_scene(mesh: TissueMesh, config: SimulationConfig) -> Scene:
     joints = joints_between(mesh, config.joints, frames=config.joint_frames)
     return Scene(
         mesh, probe, materials, config.contact, config.solver, joints=joints, foundations=foundations,
-        membrane=MEMBRANES[config.membrane],
+        membrane=MEMBRANES[config.membrane], refinement=config.refinement,
     )
 
 
@@ -235,7 +239,7 @@ def settings_of(store: SimulationStore) -> SimulationConfig:
             name: TissueConfig.of_material(material) for name, material in zip(names, store.materials(), strict=True)
         },
         protocol=store.protocol, contact=store.contact(), joints=choice, support=support,
-        membrane=preset_of(store.restraints().membrane),
+        membrane=preset_of(store.restraints().membrane), refinement=store.refinement(),
         solver=build_config(SolverConfig, {"threads": 1}, solver),
     )
 
@@ -262,6 +266,7 @@ def settings_of_scene(scene: Scene, protocol: Protocol) -> SimulationConfig:
             if isinstance(material, tuple(_LAWS.values()))
         },
         protocol=protocol, contact=scene.contact, solver=replace(scene.solver, threads=scene.solver.threads or 1),
+        refinement=scene.refinement,
     )
 
 
@@ -289,7 +294,7 @@ def begin_simulations(
         del settings[later]
     usual = {
         "moduli": "compression", "joints": "auto", "joint_frames": None, "support": asdict(AS_MESHED),
-        "membrane": "none",
+        "membrane": "none", "refinement": None,
     }
     for name, value in usual.items():
         if settings[name] == value:  # as runs have them that were begun before there was such a setting

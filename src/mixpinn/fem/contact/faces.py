@@ -155,19 +155,19 @@ class FaceContactProblem:
         self._anchored[at], self._anchor_normal[at] = True, frame.normal[known]
         # Along the normal nothing counts; the point itself is p, its partner moves with the probe.
         self._anchor_offset[at] = frame.slip[known] - frame.start[known] - pose.place(frame.local[known])
-        per_area = model.config.stiffness / model.config.spacing**2
-        self._law = ContactConstants(per_area, model.config.smoothing, model.config.friction, per_area)
         self._seen_at: FloatArray | None = None
         self._offsets, self._candidates = np.zeros(count + 1, dtype=np.int64), np.empty(0, dtype=np.int64)
 
-    def evaluate(self, positions: FloatArray, *, exact: bool = True) -> ContactForces:
+    def evaluate(self, positions: FloatArray, *, exact: bool = True, share: float = 1.0) -> ContactForces:
         """Energy, forces and stiffness; see `ContactProblem.evaluate`."""
         positions = np.ascontiguousarray(positions)
         self._seek_pairs(positions)
         config = self.model.config
+        per_area = share * config.stiffness / config.spacing**2
+        law = ContactConstants(per_area, config.smoothing, config.friction, per_area)
         energy, penetration, hits, gradient, stiffness, touched, force, slip = evaluate_faces(
             positions, self._nodes, self._weights, self._area, self._offsets, self._candidates, self._corners,
-            self.model.probe.surface.triangles, self._capsules, self._law, config.gap, self._anchored,
+            self.model.probe.surface.triangles, self._capsules, law, config.gap, self._anchored,
             self._anchor_normal, self._anchor_offset, exact,
         )
         pressed = self.patch.vertices[touched]

@@ -75,13 +75,14 @@ class ContactProblem:
         nothing = np.empty((0, 2), dtype=np.int64)
         self._sample_pairs, self._vertex_pairs = nothing, nothing
 
-    def evaluate(self, positions: FloatArray, *, exact: bool = True) -> ContactForces:
+    def evaluate(self, positions: FloatArray, *, exact: bool = True, share: float = 1.0) -> ContactForces:
         """Energy, forces and stiffness.
 
         Args:
             positions: of the patch's vertices [mm], shape (v, 3).
             exact: whether the stiffness is the derivative of the gradient; otherwise it lacks N ∂²d and how friction
                 depends on N, and is symmetric and positive semi-definite.
+            share: of the contact's stiffness along and across the normal: less than one on the way to a solution.
         """
         positions = np.ascontiguousarray(positions)
         self._seek_pairs(positions)
@@ -90,7 +91,7 @@ class ContactProblem:
             self._samples, self._corners, self.model.probe.surface.triangles, self.patch.triangles, self._sample_pairs,
             self._vertex_pairs,
         )
-        law = ContactConstants(config.stiffness, config.smoothing, config.friction, config.stiffness)
+        law = ContactConstants(share * config.stiffness, config.smoothing, config.friction, share * config.stiffness)
         energy, penetration, hits, gradient, stiffness, touched, force, slip = evaluate(
             positions, pairs, self._anchors, law, config.gap, exact,
         )

@@ -1,7 +1,7 @@
 """One full solve: the probe pressed to a pose, from first touch or from where an earlier answer ended."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -10,6 +10,7 @@ from mixpinn.base.errors import InputError
 from mixpinn.fem.contact.surfaces import SkinSurface
 from mixpinn.fem.scene import Scene
 from mixpinn.fem.solve.pose_simulator import Equilibrium, PoseSimulator, loaded_nodes, simulator_of
+from mixpinn.fem.solve.refined_pose import RefinedSimulator
 from mixpinn.geometry.first_touch import first_touch
 from mixpinn.geometry.probe_pose import PATH_STEP, ProbePose
 from mixpinn.geometry.rotations import vector_from_rotation
@@ -50,9 +51,12 @@ def solve_pose(
         on_step: called after each step of the path with how many are done, and of how many.
 
     Raises:
-        InputError: a pose that is not finite, or the history of something else.
+        InputError: a pose that is not finite, or the history of something else, or of a scene with a refinement, whose
+            paths all begin at first touch.
     """
     target = _checked_pose(tip, rotation)
+    if scene.refinement is not None:
+        return _solve_refined(scene, target, history, on_step)
     simulator = simulator or simulator_of(scene)
     start = None if history is None else _checked_history(history, scene)
     if start is None:
@@ -66,6 +70,36 @@ def solve_pose(
         path, start=start, on_step=None if on_step is None else lambda step: on_step(step + 1, count),
     )
     return _answer(scene, simulation, last, start)
+
+
+def _solve_refined(
+    scene: Scene, target: ProbePose, history: object | None, on_step: Callable[[int, int], None] | None,
+) -> Answer:
+    """The straight path from first touch on cells that are refined for it."""
+    assert scene.refinement is not None
+    if history is not None:
+        raise InputError(
+            "history", expected="none where cells are refined for each path", got="that of an earlier answer",
+            fix="begin without a history, or leave the refinement out",
+        )
+    path = _straight_path(scene, target)
+    if path is None:
+        return _untouched(scene)
+    count = len(path.depths)
+    found = RefinedSimulator(scene).run(
+        path, on_step=None if on_step is None else lambda step: on_step(step + 1, count),
+    )
+    done = int(found.converged.sum())
+    if not done:
+        return replace(_untouched(scene), trust=_trust(found))
+    nodes, forces = found.contacts(done - 1)
+    displacement, wrench = found.displacement[done - 1], found.probe_wrench[done - 1]
+    return Answer(
+        scene.mesh, displacement, Source.FULL_SOLVE, model="Full solve", force=wrench[:3], moment=wrench[3:],
+        motions=_motions(scene, found.part_translation[done - 1], found.part_rotation[done - 1]),
+        contact=Contact(nodes, displacement[nodes], forces), trust=_trust(found),
+        discretisation=discretisation_of(scene.mesh, scene.refinement.edge),
+    )
 
 
 def _checked_pose(tip: FloatArray, rotation: FloatArray) -> ProbePose:
@@ -139,23 +173,32 @@ def _answer(scene: Scene, simulation: Simulation, last: Equilibrium, start: Equi
     history = None if start is None and not done else PressHistory(scene.hash(), last)
     state = last.balance.state
     displacement = (state.points - mesh.node_points).astype(np.float32)
-    motions = {
-        name: Motion(shift, vector_from_rotation(turn), turn)
-        for name, shift, turn in zip(mesh.rigid_names, state.translation, state.rotation, strict=True)
-    }
+    motions = _motions(scene, state.translation, state.rotation)
     external = last.balance.external
     loaded = loaded_nodes(last.balance, scene.skin or SkinSurface.of_mesh(mesh))
-    converged = done == simulation.n_steps
-    depth = f"{simulation.path.depths[done - 1]:g}" if done else "0"
-    reasons = () if converged else (
-        f"the solve stopped at {depth} of {simulation.path.depths[-1]:g} mm; the answer is that of the last step "
-        "that converged",
-    )
     return Answer(
         mesh, displacement, Source.FULL_SOLVE, model="Full solve", force=external.sum(axis=0),
         moment=np.cross(state.points - last.pose.translation, external).sum(axis=0), motions=motions,
         contact=Contact(loaded, displacement[loaded], -external[loaded]),
-        trust=Trust(converged=converged, residual=float(simulation.residual[min(done, simulation.n_steps - 1)]),
-                    reasons=reasons),
+        trust=_trust(simulation),
         discretisation=discretisation_of(mesh), history=history,
     )
+
+
+def _motions(scene: Scene, translation: FloatArray, rotation: FloatArray) -> dict[str, Motion]:
+    """Motion of each rigid part from translations (K, 3) and rotation matrices (K, 3, 3)."""
+    return {
+        name: Motion(shift, vector_from_rotation(turn), turn)
+        for name, shift, turn in zip(scene.mesh.rigid_names, translation, rotation, strict=True)
+    }
+
+
+def _trust(simulation: Simulation) -> Trust:
+    """Whether all of a path converged, and how far it came where not."""
+    done, steps = int(simulation.converged.sum()), simulation.n_steps
+    depth = f"{simulation.path.depths[done - 1]:g}" if done else "0"
+    reasons = () if done == steps else (
+        f"the solve stopped at {depth} of {simulation.path.depths[-1]:g} mm; the answer is that of the last step "
+        "that converged",
+    )
+    return Trust(converged=done == steps, residual=float(simulation.residual[min(done, steps - 1)]), reasons=reasons)

@@ -55,7 +55,16 @@ class PoseSimulator:
         Args:
             scene: what to simulate.
             linear: sparse direct solver; by default the best that the platform has.
+
+        Raises:
+            InputError: a scene with a refinement: each of its poses has a mesh of its own
+                (`mixpinn.fem.solve.refined_pose`).
         """
+        if scene.refinement is not None:
+            raise InputError(
+                "scene", expected="one mesh for all poses", got="cells that are refined for each pose",
+                fix="use simulate_pose or RefinedSimulator, or leave the refinement out",
+            )
         self.scene = scene
         self.contact: ContactModel = contact_model(scene)
         self.system: ElasticSystem = elastic_system(scene)
@@ -207,14 +216,6 @@ class PoseSimulator:
         still = Equilibrium(last.balance, last.pose, last.slip, None)
         half, residual = self._advance(still, last.pose.towards(pose, 0.5), cuts - 1)
         return (None, residual) if half is None else self._advance(half, pose, cuts - 1)
-
-
-def simulate_pose(
-    scene: Scene, path: ProbePath, *, position_index: int, rotation_deg: float,
-    on_step: Callable[[int], None] | None = None,
-) -> Simulation:
-    """Simulate one pose of `scene`; the preparation for the last scene is kept for the next call."""
-    return simulator_of(scene).run(path, position_index=position_index, rotation_deg=rotation_deg, on_step=on_step)
 
 
 def simulator_of(scene: Scene) -> PoseSimulator:

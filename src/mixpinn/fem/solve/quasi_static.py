@@ -10,6 +10,7 @@ is smooth. A factorized tangent therefore serves many iterations and load steps,
 
 import time
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 import scipy.sparse as sp
@@ -28,6 +29,11 @@ from mixpinn.fem.solve.quasi_newton import UpdatedInverse
 from mixpinn.geometry.probe_pose import ProbePose
 from mixpinn.physics.condensed_contact import solve_condensed
 
+_CONTACT_ITERATIONS = 20
+"""Of contact with the linearised body, before it is tried with contact that gives way."""
+_SHARES = (1.0 / 512.0, 1.0 / 64.0, 1.0 / 8.0, 1.0)
+"""Shares of the contact's stiffness, one after another: with the first, the probe's weight on soft tissue is borne by
+violations of the gap of the order of the gap itself."""
 _SINGLE = 1e-7
 """Down to this tolerance a factorization in single precision does: iterations correct its errors, whose rounding leaves
 about 3e-8 of the contact forces."""
@@ -253,7 +259,7 @@ class QuasiStaticSolver:
         self.effort.add("solve", start)
         if problem is not None and self._unknowns is not None:
             start = time.perf_counter()
-            force = self._contact_force(at, problem, free)
+            force = self._contact_force(at, problem, free, first=len(history) == 1)
             self.effort.add("contact", start)
             if force is None:
                 return None
@@ -270,28 +276,41 @@ class QuasiStaticSolver:
         self.effort.add("solve", start)
         return new
 
-    def _contact_force(self, at: Balance, problem: ContactProblem, free: FloatArray) -> FloatArray | None:
+    def _contact_force(
+        self, at: Balance, problem: ContactProblem, free: FloatArray, *, first: bool,
+    ) -> FloatArray | None:
         """Contact forces λ on the kept unknowns in equilibrium with the linearised body."""
         assert self._unknowns is not None
         assert self._inverse is not None
         link, positions = self._unknowns.link(at.state), self._unknowns.positions(at.state)
 
-        def law(y: FloatArray, exact: bool) -> tuple[FloatArray, FloatArray, IntArray]:
-            forces = problem.evaluate(positions + link.move(y), exact=exact)
+        def law(y: FloatArray, exact: bool, share: float = 1.0) -> tuple[FloatArray, FloatArray, IntArray]:
+            forces = problem.evaluate(positions + link.move(y), exact=exact, share=share)
             return link.reduce(forces.gradient), *link.reduce_stiffness(forces.stiffness, forces.touched)
 
-        # Start from the last forces where they leave the skin about where it is, else from where it is: a start
-        # without forces would let the skin spring back through the probe.
+        # The last forces are a good start where the probe has just moved and they leave the skin about where it is;
+        # else it is where the skin is. A start without forces would let the skin spring back through the probe.
         gap, compliance = problem.model.config.gap, self._inverse.compliance
+        solve = partial(solve_condensed, compliance, free, largest_move=0.3 * gap)
+        rest = np.asarray(np.linalg.solve(compliance, free), dtype=np.float64)
         near = np.abs(free - np.einsum("ij,j->i", compliance, self._force)).max(initial=0.0) < 0.25 * gap
-        for warm in (True, False) if near else (False,):
-            start = self._force if warm else np.asarray(np.linalg.solve(compliance, free), dtype=np.float64)
-            found = solve_condensed(compliance, free, law, start=start, largest_move=0.3 * gap)
+        starts = ([self._force] if near else []) + ([] if first else [rest])
+        for start in starts[:: 1 if first else -1]:
+            found = solve(law, start=start, max_iterations=_CONTACT_ITERATIONS)
             self.effort.contact_iterations += found.iterations
             if found.converged:
                 self._force = found.force
                 return found.force
-        return None
+        # Deep in the probe the curvature of its distance outweighs the body; where contact gives way it does not.
+        start = rest
+        for share in _SHARES:
+            found = solve(partial(law, share=share), start=start, tolerance=1e-10 if share == 1.0 else 1e-3)
+            self.effort.contact_iterations += found.iterations
+            if not found.converged:
+                return None
+            start = found.force
+        self._force = start
+        return start
 
     def _advance(
         self, at: Balance, step: FloatArray, problem: ContactProblem | None, history: list[float],

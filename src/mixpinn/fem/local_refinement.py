@@ -1,0 +1,74 @@
+"""Cells that are finer under the probe.
+
+What a pose misses on a mesh is missed where the probe's edge meets the skin: a face that is half under the probe cannot
+follow both it and the skin beside it, and the faces around take part in the load. Cells far away see its resultant
+only. So the cells around the path of the probe, and no others, are halved (`mixpinn.mesh.refine_to`) until no edge is
+longer than
+
+    h(x) = edge + growth · d(x),
+
+with d the distance from the skin that the probe meets. The facets stay.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mixpinn.base.arrays import FloatArray
+from mixpinn.base.sensible import not_negative, positive, require_settings
+from mixpinn.mesh.cells.bisect import refine_to
+from mixpinn.records import Probe, ProbePath, TissueMesh
+
+
+@dataclass(frozen=True)
+class LocalRefinement:
+    """How fine cells are around the path of a probe.
+
+    Attributes:
+        edge: longest edge under the probe [mm].
+        growth: by how much longer an edge may be for each mm that it lies farther away.
+    """
+
+    edge: float = 10.0
+    growth: float = 1.0
+
+    def __post_init__(self) -> None:
+        require_settings(self, "refinement", {**positive(self, "edge"), **not_negative(self, "growth")})
+
+
+def refine_under(mesh: TissueMesh, probe: Probe, path: ProbePath, config: LocalRefinement) -> TissueMesh:
+    """`mesh` with finer cells around the skin that `probe` meets on `path`; the vertices of `mesh` come first.
+
+    That skin lies in boxes that stand on the probe's tip, one at each pose: as wide as the probe is as far up as skin
+    reaches, and as high.
+
+    Args:
+        mesh: of either order.
+        probe: the tool.
+        path: its poses.
+        config: how fine.
+    """
+    skin = mesh.points[np.unique(mesh.skin_faces)]
+    boxes = [_box(skin, probe, turn, tip) for turn, tip in zip(path.rotations, path.translations, strict=True)]
+
+    def length(points: FloatArray) -> FloatArray:
+        away = np.full(len(points), np.inf)
+        for turn, tip, (low, high) in zip(path.rotations, path.translations, boxes, strict=True):
+            local = (points - tip) @ turn
+            away = np.minimum(away, np.linalg.norm(local - np.clip(local, low, high), axis=1))
+        found: FloatArray = config.edge + config.growth * away
+        return found
+
+    return refine_to(mesh.with_order(1), length).with_order(mesh.order)
+
+
+def _box(skin: FloatArray, probe: Probe, rotation: FloatArray, tip: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Where the resting skin lies that a placed probe has pushed away, in its frame: corners of a box [mm], (3,)."""
+    local, bottom = (skin - tip) @ rotation, probe.points[:, 1].min()
+    low, high = probe.points.min(axis=0), probe.points.max(axis=0)
+    beneath = ((local >= low) & (local <= high))[:, [0, 2]].all(axis=1) & (local[:, 1] <= high[1])
+    height = float(np.clip(local[beneath, 1].max(initial=bottom), bottom, high[1]))
+    part = probe.points[probe.points[:, 1] <= height + 1.0]
+    low, high = part.min(axis=0), part.max(axis=0)
+    low[1], high[1] = bottom, height
+    return low, high

@@ -1,0 +1,134 @@
+"""Poses solved on cells that are finer under the probe, and told on the nodes of the scene's own mesh.
+
+Each pose has a mesh of its own (`mixpinn.fem.local_refinement`). The spaces of the shape functions are nested: every
+node of the scene's mesh is one of the finer mesh, and forces on the finer skin are handed to the scene's nodes by its
+shape functions, which leaves force, moment and virtual work as they are.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.spatial import cKDTree
+
+from mixpinn.base.arrays import FloatArray, IntArray
+from mixpinn.fem.local_refinement import refine_under
+from mixpinn.fem.scene import Scene
+from mixpinn.fem.solve.pose_simulator import PoseSimulator, simulator_of
+from mixpinn.geometry.triangle_search import close_pairs
+from mixpinn.records import ProbePath, Simulation, TissueMesh
+from mixpinn.records.tissue_mesh import FACE_EDGES
+
+_ON = 1e-6
+"""A node within this distance of a face lies on it [mm]; the finer nodes are middles of edges of it."""
+
+
+class RefinedSimulator:
+    """Simulates poses of a scene, each on cells of its own; results are on the nodes of the scene's mesh."""
+
+    def __init__(self, scene: Scene) -> None:
+        """Prepare for poses of a scene with a refinement."""
+        self.scene = scene
+
+    def run(
+        self, path: ProbePath, *, position_index: int = 0, rotation_deg: float = 0.0,
+        on_step: Callable[[int], None] | None = None,
+    ) -> Simulation:
+        """Simulate one pose; arguments and errors of `PoseSimulator.run`."""
+        assert self.scene.refinement is not None
+        base = self.scene.mesh
+        fine = refine_under(base, self.scene.probe, path, self.scene.refinement)
+        simulator = PoseSimulator(replace(self.scene, mesh=fine, refinement=None))
+        found = simulator.run(path, position_index=position_index, rotation_deg=rotation_deg, on_step=on_step)
+        return Injection(base, fine).simulation(found)
+
+
+def simulate_pose(
+    scene: Scene, path: ProbePath, *, position_index: int, rotation_deg: float,
+    on_step: Callable[[int], None] | None = None,
+) -> Simulation:
+    """Simulate one pose of `scene`; the preparation for the last scene is kept for the next call."""
+    simulator = simulator_of(scene) if scene.refinement is None else RefinedSimulator(scene)
+    return simulator.run(path, position_index=position_index, rotation_deg=rotation_deg, on_step=on_step)
+
+
+class Injection:
+    """From the nodes of a finer mesh to those of the mesh that it was made from."""
+
+    def __init__(self, base: TissueMesh, fine: TissueMesh) -> None:
+        """Find the nodes of `base` among those of `fine`, and the faces of the one that those of the other are of."""
+        self.base, self.fine = base, fine
+        distance, self.node = cKDTree(fine.node_points).query(base.node_points)
+        assert distance.max(initial=0.0) < _ON
+        self._skin = np.unique(fine.skin_node_faces)
+        corners, faces = np.ascontiguousarray(base.points), np.ascontiguousarray(base.skin_faces)
+        self._face_of_node = _owners(fine.node_points[self._skin], corners, faces)
+        self._face_of_face = _owners(fine.points[fine.skin_faces].mean(axis=1), corners, faces)
+        weights = _shape_functions(fine.node_points[self._skin], corners[faces[self._face_of_node]], base.order)
+        nodes = base.skin_node_faces[self._face_of_node]
+        rows = np.repeat(self._skin, nodes.shape[1])
+        self._interpolation = sp.csr_matrix(
+            (weights.ravel(), (rows, nodes.ravel())), shape=(fine.n_nodes, base.n_nodes),
+        )
+
+    def forces(self, nodal: FloatArray) -> FloatArray:
+        """Forces on the nodes of the finer skin (n_fine, 3) as forces on the nodes of the mesh, (n, 3) [N]."""
+        found: FloatArray = self._interpolation.T @ nodal
+        return found
+
+    def nodes(self, chosen: IntArray) -> IntArray:
+        """Nodes of the faces of which a finer face has all its nodes among `chosen` ones of the finer mesh."""
+        among = np.flatnonzero(np.isin(self.fine.skin_node_faces, chosen).all(axis=1))
+        return np.unique(self.base.skin_node_faces[self._face_of_face[among]])
+
+    def simulation(self, found: Simulation) -> Simulation:
+        """What was simulated on the finer mesh, on the nodes of the mesh."""
+        nodes, forces = [], []
+        for step in range(found.n_steps):
+            some = slice(*found.contact_offsets[step : step + 2])
+            near, load = found.contact_nodes[some], found.contact_forces[some]
+            nodal = np.zeros((self.fine.n_nodes, 3))
+            nodal[near] = load
+            whole = self.forces(nodal)
+            loaded = np.flatnonzero(np.abs(whole).max(axis=1) > 0.0)
+            nodes.append(np.union1d(self.nodes(near), loaded).astype(np.int64))
+            forces.append(whole[nodes[-1]])
+        shift = np.array([
+            np.subtract(*(mesh.points[mesh.part_nodes(k)].mean(axis=0) for mesh in (self.base, self.fine)))
+            for k in range(1, self.base.n_parts + 1)
+        ]).reshape(-1, 3)
+        moved = np.einsum("skij,kj->ski", found.part_rotation, shift) - shift
+        wrench = found.part_wrench
+        if wrench is not None:  # its moments are about other centroids there
+            arm = np.einsum("skij,kj->ski", found.part_rotation, shift)
+            wrench = np.concatenate([wrench[..., :3], wrench[..., 3:] - np.cross(arm, wrench[..., :3])], axis=2)
+        return replace(
+            found, mesh_hash=self.base.hash(), displacement=found.displacement[:, self.node],
+            contact_offsets=np.concatenate([[0], np.cumsum([len(some) for some in nodes])]).astype(np.int64),
+            contact_nodes=np.concatenate([*nodes, np.empty(0, dtype=np.int64)]),
+            contact_forces=np.concatenate([*forces, np.empty((0, 3))]),
+            part_translation=found.part_translation + moved, part_wrench=wrench,
+        )
+
+
+def _owners(points: FloatArray, corners: FloatArray, faces: IntArray) -> IntArray:
+    """A face on which each of some points lies, shape (p,)."""
+    point, face = close_pairs(np.ascontiguousarray(points), corners, faces, _ON)
+    found = np.full(len(points), -1, dtype=np.int64)
+    found[point[::-1]] = face[::-1]
+    assert (found >= 0).all()
+    return found
+
+
+def _shape_functions(points: FloatArray, corners: FloatArray, order: int) -> FloatArray:
+    """Shape functions of faces with `corners` (p, 3, 3) at a point of each (p, 3), shape (p, 3) or (p, 6)."""
+    first, second, to = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], points - corners[:, 0]
+    normal = np.cross(first, second)
+    whole = (normal**2).sum(axis=1)
+    b = (np.cross(to, second) * normal).sum(axis=1) / whole
+    c = (np.cross(first, to) * normal).sum(axis=1) / whole
+    at = np.stack([1.0 - b - c, b, c], axis=1)
+    if order == 1:
+        return at
+    return np.concatenate([at * (2.0 * at - 1.0), 4.0 * at[:, FACE_EDGES[:, 0]] * at[:, FACE_EDGES[:, 1]]], axis=1)
