@@ -31,7 +31,7 @@ from mixpinn.physics.condensed_contact import solve_condensed
 
 _CONTACT_ITERATIONS = 20
 """Of contact with the linearised body, before it is tried with contact that gives way."""
-_SHARES = (1.0 / 512.0, 1.0 / 64.0, 1.0 / 8.0, 1.0)
+_SHARES = (1.0 / 256.0, 1.0 / 16.0, 1.0)
 """Shares of the contact's stiffness, one after another: with the first, the probe's weight on soft tissue is borne by
 violations of the gap of the order of the gap itself."""
 _SINGLE = 1e-7
