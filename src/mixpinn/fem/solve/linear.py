@@ -33,12 +33,16 @@ class LinearSolver(Protocol):
         """
         ...
 
-    def factorize_with_compliance(self, matrix: sp.csr_matrix, kept: IntArray) -> FloatArray:
+    def factorize_with_compliance(
+        self, matrix: sp.csr_matrix, kept: IntArray, *, definite: bool = False,
+    ) -> FloatArray:
         """Factorize as `factorize` does, and return the block of the inverse that belongs to the unknowns `kept`.
 
         Args:
             matrix: as for `factorize`.
             kept: ascending indices of unknowns, shape (m,).
+            definite: nothing but a positive definite matrix is of use. Where `indefinite` then says that it is none,
+                nothing was factorized and what is returned means nothing.
 
         Returns:
             Symmetric, shape (m, m).
@@ -125,9 +129,13 @@ class SuperLUSolver:
         # With pivots on the diagonal A = L D Lᵀ up to a permutation, so that the signs of D are the inertia.
         self.indefinite = bool((self._factor.U.diagonal() <= 0.0).any())
 
-    def factorize_with_compliance(self, matrix: sp.csr_matrix, kept: IntArray) -> FloatArray:
+    def factorize_with_compliance(
+        self, matrix: sp.csr_matrix, kept: IntArray, *, definite: bool = False,
+    ) -> FloatArray:
         """See `LinearSolver.factorize_with_compliance`."""
         self.factorize(matrix)
+        if definite and self.indefinite:
+            return np.empty((0, 0))
         return compliance_by_solves(self, matrix.shape[0], kept)
 
     def solve(self, rhs: FloatArray) -> FloatArray:

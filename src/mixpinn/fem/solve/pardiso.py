@@ -131,9 +131,13 @@ class PardisoSolver:
         """See `LinearSolver.factorize`."""
         self._factorize_any(matrix, np.empty(0, dtype=np.int64))
 
-    def factorize_with_compliance(self, matrix: sp.csr_matrix, kept: IntArray) -> FloatArray:
+    def factorize_with_compliance(
+        self, matrix: sp.csr_matrix, kept: IntArray, *, definite: bool = False,
+    ) -> FloatArray:
         """See `LinearSolver.factorize_with_compliance`."""
-        schur = self._factorize_any(matrix, np.asarray(kept, dtype=np.int64))
+        schur = self._factorize_any(matrix, np.asarray(kept, dtype=np.int64), definite=definite)
+        if self.indefinite and definite:
+            return schur
         if self.indefinite:
             return compliance_by_solves(self, matrix.shape[0], kept)
         inverse = np.linalg.inv(schur.astype(np.float64))
@@ -166,8 +170,8 @@ class PardisoSolver:
         if not sys.is_finalizing() and getattr(self, "_handles", None):
             self.free()
 
-    def _factorize_any(self, matrix: sp.csr_matrix, kept: IntArray) -> FloatArray:
-        """Factorize with the first type that can; the Schur complement (m, m) of a Cholesky one."""
+    def _factorize_any(self, matrix: sp.csr_matrix, kept: IntArray, *, definite: bool = False) -> FloatArray:
+        """Factorize with the first type that can, `definite`: with Cholesky only; its Schur complement (m, m)."""
         if not self._same_pattern(matrix) or not np.array_equal(kept, self._kept):
             self.free()
             self._pattern, self._kept = (matrix.indptr, matrix.indices), kept
@@ -187,6 +191,8 @@ class PardisoSolver:
             self._release(handle)
             self._try_single = False
         self.indefinite = True
+        if definite:
+            return np.empty((0, 0))
         handle = self._handle(-2, False)
         try:
             self._factorize(handle)

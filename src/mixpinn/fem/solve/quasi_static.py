@@ -340,20 +340,24 @@ class QuasiStaticSolver:
         start = time.perf_counter()
         matrix = self.system.tangent(at.state, nodal_gradient=nodal, held=self.held, project=False)
         self.effort.add("assembly", start)
-        inverse = self._factorize_matrix(matrix)
-        if self.linear.indefinite:
+        inverse = self._factorize_matrix(matrix, definite=True)
+        if inverse is None:
             start = time.perf_counter()
             matrix = self.system.tangent(at.state, nodal_gradient=nodal, held=self.held, project=True)
             self.effort.add("assembly", start)
             inverse = self._factorize_matrix(matrix)
+        assert inverse is not None
         return inverse
 
-    def _factorize_matrix(self, matrix: sp.csr_matrix) -> UpdatedInverse:
+    def _factorize_matrix(self, matrix: sp.csr_matrix, *, definite: bool = False) -> UpdatedInverse | None:
+        """The inverse; None where the matrix was to be positive definite and is not."""
         start = time.perf_counter()
         kept = np.empty(0, dtype=np.int64) if self._unknowns is None else self._unknowns.kept
-        compliance = self.linear.factorize_with_compliance(matrix, kept)
+        compliance = self.linear.factorize_with_compliance(matrix, kept, definite=definite)
         self.effort.add("factorization", start)
         self.effort.factorizations += 1
+        if definite and self.linear.indefinite:
+            return None
         return UpdatedInverse(in_halves(self.linear, matrix.shape[0], kept, compliance))
 
 

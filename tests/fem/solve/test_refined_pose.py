@@ -1,0 +1,137 @@
+"""Poses on cells that are refined under the probe, told on the nodes of the scene's own mesh."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from fem.block_mesh import block, labelled
+from mixpinn.base.errors import InputError
+from mixpinn.fem import LocalRefinement, PoseSimulator, RefinedSimulator, Scene, StableNeoHookean, solve_pose
+from mixpinn.fem.local_refinement import refine_under
+from mixpinn.fem.scene_record import recorded_refinement, scene_record
+from mixpinn.fem.solve.refined_pose import Injection
+from mixpinn.geometry.probe_shapes import linear_probe
+from mixpinn.mesh import refine
+from mixpinn.records import ProbePath, Simulation, TissueMesh
+
+SIZE = (54.0, 24.0, 42.0)
+MIDDLE = np.array([25.0, 26.0, 23.0])
+"""First touch: the gap above the block, off its middle."""
+TOOL = linear_probe()
+TISSUE = (StableNeoHookean.from_young(25.4e-3, 0.45),)
+
+
+def bed(order: int = 2, *, bone: bool = False) -> TissueMesh:
+    """A block held at y = 0, with a rigid box in it if asked for."""
+    mesh = block((3, 2, 3), size=SIZE)
+    part = (np.abs(mesh.points / SIZE - 0.5) < 0.3).all(axis=1).astype(np.int16) if bone else None
+    return labelled(mesh.points, mesh.cells, part=part, fixed=mesh.points[:, 1] == 0.0).with_order(order)
+
+
+def down(depths: list[float]) -> ProbePath:
+    """Straight down from first touch."""
+    d = np.array(depths)
+    return ProbePath(MIDDLE - d[:, None] * [0.0, 1.0, 0.0], np.tile(np.eye(3), (len(d), 1, 1)), d)
+
+
+PATH = down([0.0, 1.0, 2.0])
+
+
+def press(mesh: TissueMesh, refinement: LocalRefinement | None) -> Simulation:
+    scene = Scene(mesh, TOOL, TISSUE, refinement=refinement)
+    found = (PoseSimulator(scene) if refinement is None else RefinedSimulator(scene)).run(PATH)
+    assert found.converged.all()
+    return found
+
+
+def test_cells_are_finer_under_the_probe_only() -> None:
+    base = bed(1)
+    fine = refine_under(base, TOOL, PATH, LocalRefinement(6.0, 1.0))
+    assert_allclose(fine.points[: base.n_points], base.points)
+    length = np.linalg.norm(np.diff(fine.points[fine.edges], axis=1)[:, 0], axis=1)
+    middle = fine.points[fine.edges].mean(axis=1)
+    # The probe's face is 48 mm along x and 20 mm along z at most: this far from it nothing need be longer.
+    under = (np.abs(middle - MIDDLE)[:, [0, 2]] < [15.0, 4.0]).all(axis=1) & (middle[:, 1] > SIZE[1] - 1.0)
+    assert under.any()
+    assert length[under].max() <= 6.0 + 1e-9
+    far = middle[:, 1] < 5.0
+    assert length[far].max() > 15.0
+    assert_allclose(fine.cell_volumes.sum(), np.prod(SIZE))
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_forces_keep_their_resultant_and_their_virtual_work(order: int) -> None:
+    base = bed(order)
+    fine = refine_under(base, TOOL, PATH, LocalRefinement(6.0, 1.0))
+    moved = Injection(base, fine)
+    assert_allclose(fine.node_points[moved.node], base.node_points, atol=1e-9)
+    skin = np.unique(fine.skin_node_faces)
+    rng = np.random.default_rng(0)
+    forces = np.zeros((fine.n_nodes, 3))
+    forces[skin] = rng.normal(size=(len(skin), 3))
+    found = moved.forces(forces)
+    assert_allclose(found.sum(axis=0), forces.sum(axis=0), atol=1e-9)
+    moments = (np.cross(mesh.node_points, f).sum(axis=0) for mesh, f in ((base, found), (fine, forces)))
+    assert_allclose(*moments, rtol=1e-9)
+
+    def polynomial(x: np.ndarray) -> np.ndarray:
+        """One that the shape functions hold exactly."""
+        flat = x @ np.array([[0.1, 0.2, -0.3], [0.4, -0.1, 0.2], [0.3, 0.1, 0.5]])
+        return flat if order == 1 else flat + 0.01 * x * x[:, [1, 2, 0]]
+
+    work = [(polynomial(mesh.node_points) * f).sum() for mesh, f in ((base, found), (fine, forces))]
+    assert_allclose(*work, rtol=1e-9)
+
+
+def test_force_is_that_of_a_mesh_that_is_fine_everywhere() -> None:
+    coarse, local = press(bed(), None), press(bed(), LocalRefinement(9.0, 1.0))
+    everywhere = press(refine(bed(1)).with_order(2), None)
+    force = [found.probe_wrench[-1, 1] for found in (coarse, local, everywhere)]
+    assert abs(force[0] / force[2] - 1.0) > 0.05  # something to be mended
+    assert abs(force[1] / force[2] - 1.0) < 0.25 * abs(force[0] / force[2] - 1.0)
+    n = bed(1).n_points
+    apart = [np.linalg.norm(found.displacement[-1, :n] - everywhere.displacement[-1, :n], axis=1).mean()
+             for found in (coarse, local)]
+    assert apart[1] < 0.5 * apart[0]
+
+
+def test_what_is_told_belongs_to_the_mesh_of_the_scene() -> None:
+    mesh = bed(bone=True)
+    found = press(mesh, LocalRefinement(8.0, 1.0))
+    assert found.mesh_hash == mesh.hash()
+    assert found.displacement.shape == (3, mesh.n_nodes, 3)
+    nodes, forces = found.contacts(2)
+    assert np.isin(nodes, np.unique(mesh.skin_node_faces)).all()
+    assert_allclose(forces.sum(axis=0), -found.probe_wrench[2, :3], rtol=1e-9)
+    # Translation and rotation are those of the bone's nodes in this mesh.
+    bone = mesh.part_nodes(1)
+    arm = mesh.points[bone] - mesh.points[bone].mean(axis=0)
+    moved = found.part_translation[2, 0] + arm @ found.part_rotation[2, 0].T - arm
+    assert_allclose(found.displacement[2, bone], moved, atol=1e-4)
+    assert found.part_wrench is not None
+    assert np.abs(found.part_wrench[2]).max() < 1e-2 * np.abs(found.probe_wrench[2, 1]) * 30.0
+
+
+def test_one_solve_on_refined_cells() -> None:
+    scene = Scene(bed(), TOOL, TISSUE, refinement=LocalRefinement(9.0, 1.0))
+    tip = MIDDLE - np.array([0.0, 2.0, 0.0])
+    answer = solve_pose(scene, tip, np.eye(3))
+    assert answer.trust.converged
+    assert "9 mm under the probe" in answer.discretisation
+    assert_allclose(answer.force[1], press(bed(), scene.refinement).probe_wrench[2, 1], rtol=0.02)
+    with pytest.raises(InputError, match="begin without a history"):
+        solve_pose(scene, tip, np.eye(3), history=object())
+    with pytest.raises(InputError, match="for each pose"):
+        PoseSimulator(scene)
+
+
+def test_the_record_of_a_scene_names_its_refinement() -> None:
+    scene = Scene(bed(), TOOL, TISSUE)
+    assert "refinement" not in scene_record(scene)
+    finer = replace(scene, refinement=LocalRefinement(7.0, 0.5))
+    assert recorded_refinement(scene_record(finer)) == finer.refinement
+    assert finer.hash() != scene.hash()
+    with pytest.raises(InputError, match="edge"):
+        LocalRefinement(0.0)
