@@ -221,8 +221,8 @@ def checked_output(path: Path | str) -> Path:
     return path
 
 
-def discretisation_of(mesh: TissueMesh, under_probe: float | None = None) -> str:
-    """Elements and size of a mesh in words; `under_probe` is the longest edge [mm] of cells refined under the probe."""
+def discretisation_of(mesh: TissueMesh, under_probe: str = "") -> str:
+    """Elements and size of a mesh in words; `under_probe` says what its cells were refined to there."""
     kind = "linear" if mesh.order == 1 else "quadratic"
-    finer = "" if under_probe is None else f", edges of {under_probe:g} mm under the probe"
+    finer = f", {under_probe} under the probe" if under_probe else ""
     return f"{kind} tetrahedra, {mesh.n_nodes} nodes{finer}, mesh {mesh.hash()}"

@@ -5,13 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from scipy.spatial.transform import Rotation
 
 from fem.block_mesh import block, labelled
 from mixpinn.base.errors import InputError
 from mixpinn.fem import LocalRefinement, PoseSimulator, RefinedSimulator, Scene, StableNeoHookean, solve_pose
 from mixpinn.fem.local_refinement import refine_under
 from mixpinn.fem.scene_record import recorded_refinement, scene_record
-from mixpinn.fem.solve.refined_pose import Injection
+from mixpinn.fem.solve.refined_pose import Injection, extrapolate
 from mixpinn.geometry.probe_shapes import linear_probe
 from mixpinn.mesh import refine
 from mixpinn.records import ProbePath, Simulation, TissueMesh
@@ -48,7 +49,7 @@ def press(mesh: TissueMesh, refinement: LocalRefinement | None) -> Simulation:
 
 def test_cells_are_finer_under_the_probe_only() -> None:
     base = bed(1)
-    fine = refine_under(base, TOOL, PATH, LocalRefinement(6.0, 1.0))
+    fine = refine_under(base, TOOL, PATH, LocalRefinement(6.0, 1.0, extrapolated=False))
     assert_allclose(fine.points[: base.n_points], base.points)
     length = np.linalg.norm(np.diff(fine.points[fine.edges], axis=1)[:, 0], axis=1)
     middle = fine.points[fine.edges].mean(axis=1)
@@ -64,7 +65,7 @@ def test_cells_are_finer_under_the_probe_only() -> None:
 @pytest.mark.parametrize("order", [1, 2])
 def test_forces_keep_their_resultant_and_their_virtual_work(order: int) -> None:
     base = bed(order)
-    fine = refine_under(base, TOOL, PATH, LocalRefinement(6.0, 1.0))
+    fine = refine_under(base, TOOL, PATH, LocalRefinement(6.0, 1.0, extrapolated=False))
     moved = Injection(base, fine)
     assert_allclose(fine.node_points[moved.node], base.node_points, atol=1e-9)
     skin = np.unique(fine.skin_node_faces)
@@ -86,7 +87,7 @@ def test_forces_keep_their_resultant_and_their_virtual_work(order: int) -> None:
 
 
 def test_force_is_that_of_a_mesh_that_is_fine_everywhere() -> None:
-    coarse, local = press(bed(), None), press(bed(), LocalRefinement(9.0, 1.0))
+    coarse, local = press(bed(), None), press(bed(), LocalRefinement(9.0, 1.0, extrapolated=False))
     everywhere = press(refine(bed(1)).with_order(2), None)
     force = [found.probe_wrench[-1, 1] for found in (coarse, local, everywhere)]
     assert abs(force[0] / force[2] - 1.0) > 0.05  # something to be mended
@@ -99,7 +100,7 @@ def test_force_is_that_of_a_mesh_that_is_fine_everywhere() -> None:
 
 def test_what_is_told_belongs_to_the_mesh_of_the_scene() -> None:
     mesh = bed(bone=True)
-    found = press(mesh, LocalRefinement(8.0, 1.0))
+    found = press(mesh, LocalRefinement(8.0, 1.0, extrapolated=False))
     assert found.mesh_hash == mesh.hash()
     assert found.displacement.shape == (3, mesh.n_nodes, 3)
     nodes, forces = found.contacts(2)
@@ -115,16 +116,50 @@ def test_what_is_told_belongs_to_the_mesh_of_the_scene() -> None:
 
 
 def test_one_solve_on_refined_cells() -> None:
-    scene = Scene(bed(), TOOL, TISSUE, refinement=LocalRefinement(9.0, 1.0))
+    scene = Scene(bed(), TOOL, TISSUE, refinement=LocalRefinement(9.0, 1.0, extrapolated=False))
     tip = MIDDLE - np.array([0.0, 2.0, 0.0])
     answer = solve_pose(scene, tip, np.eye(3))
     assert answer.trust.converged
-    assert "9 mm under the probe" in answer.discretisation
+    assert "edges of 9 mm under the probe" in answer.discretisation
     assert_allclose(answer.force[1], press(bed(), scene.refinement).probe_wrench[2, 1], rtol=0.02)
     with pytest.raises(InputError, match="begin without a history"):
         solve_pose(scene, tip, np.eye(3), history=object())
     with pytest.raises(InputError, match="for each pose"):
         PoseSimulator(scene)
+
+
+def test_extrapolation_keeps_parts_rigid_and_forces_whole() -> None:
+    """On made-up simulations whose error is proportional to the edge, what is told has none."""
+    mesh = bed(bone=True)
+    path = down([0.0, 1.0])
+    truth = made_up(mesh, path, 1.0, nodes=[3, 7])
+    found = extrapolate(mesh, made_up(mesh, path, 1.2, nodes=[3, 9]), made_up(mesh, path, 1.1, nodes=[3, 7, 9]))
+    assert_allclose(found.probe_wrench, truth.probe_wrench, rtol=1e-12)
+    assert_allclose(found.part_translation, truth.part_translation, rtol=1e-12)
+    assert_allclose(found.part_rotation, truth.part_rotation, atol=1e-12)  # turns about one axis
+    assert_allclose(found.displacement, truth.displacement, atol=1e-5)
+    nodes, forces = found.contacts(1, loaded=False)
+    assert nodes.tolist() == [3, 7, 9]
+    assert_allclose(forces.sum(axis=0), 2.0 * 1.1 * 3 * np.ones(3) - 1.2 * 2 * np.ones(3))
+    late = made_up(mesh, path, 1.1, nodes=[3])
+    late = replace(late, converged=np.array([True, False]))
+    assert extrapolate(mesh, made_up(mesh, path, 1.2, nodes=[3]), late).converged.tolist() == [True, False]
+
+
+def made_up(mesh: TissueMesh, path: ProbePath, size: float, *, nodes: list[int]) -> Simulation:
+    """Two steps in which everything is proportional to `size`, the turn of the rigid part too."""
+    turn = Rotation.from_rotvec(size * np.array([0.0, 0.0, 0.05])).as_matrix()
+    motion = size * np.array([0.1, -1.0, 0.2])
+    field = np.tile(motion, (mesh.n_nodes, 1))
+    bone = np.flatnonzero(mesh.node_part == 1)
+    field[bone] += (mesh.node_points[bone] - mesh.points[mesh.part_nodes(1)].mean(axis=0)) @ (turn - np.eye(3)).T
+    two, count = np.ones(2), len(nodes)
+    return Simulation(
+        mesh.hash(), 0, 0.0, path, np.tile(field, (2, 1, 1)).astype(np.float32), np.array([0, count, 2 * count]),
+        np.tile(nodes, 2).astype(np.int64), np.full((2 * count, 3), size), np.full((2, 6), size),
+        np.tile(turn, (2, 1, 1, 1)), np.tile(motion, (2, 1, 1)), two.astype(bool), two.astype(np.int64),
+        two, two, two, two, two, None,
+    )
 
 
 def test_the_record_of_a_scene_names_its_refinement() -> None:

@@ -98,7 +98,7 @@ def _solve_refined(
         scene.mesh, displacement, Source.FULL_SOLVE, model="Full solve", force=wrench[:3], moment=wrench[3:],
         motions=_motions(scene, found.part_translation[done - 1], found.part_rotation[done - 1]),
         contact=Contact(nodes, displacement[nodes], forces), trust=_trust(found),
-        discretisation=discretisation_of(scene.mesh, scene.refinement.edge),
+        discretisation=discretisation_of(scene.mesh, str(scene.refinement)),
     )
 
 

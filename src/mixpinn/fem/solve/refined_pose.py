@@ -7,13 +7,15 @@ shape functions, which leaves force, moment and virtual work as they are.
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
+from itertools import count
 
 import numpy as np
 import scipy.sparse as sp
 from scipy.spatial import cKDTree
 
 from mixpinn.base.arrays import FloatArray, IntArray
-from mixpinn.fem.local_refinement import refine_under
+from mixpinn.fem.local_refinement import LocalRefinement, refine_under
 from mixpinn.fem.scene import Scene
 from mixpinn.fem.solve.pose_simulator import PoseSimulator, simulator_of
 from mixpinn.geometry.triangle_search import close_pairs
@@ -36,9 +38,27 @@ class RefinedSimulator:
         on_step: Callable[[int], None] | None = None,
     ) -> Simulation:
         """Simulate one pose; arguments and errors of `PoseSimulator.run`."""
-        assert self.scene.refinement is not None
+        config = self.scene.refinement
+        assert config is not None
+        solves, done = 2 if config.extrapolated else 1, count()
+
+        def told(_: int) -> None:
+            """Steps of all solves, as a share of those of the path."""
+            if on_step is not None:
+                on_step(next(done) // solves)
+
+        solve = partial(self._solve, path, position_index=position_index, rotation_deg=rotation_deg, on_step=told)
+        if not config.extrapolated:
+            return solve(config)
+        coarser = solve(replace(config, edge=2.0 * config.edge))
+        return extrapolate(self.scene.mesh, coarser, solve(config))
+
+    def _solve(
+        self, path: ProbePath, config: LocalRefinement, *, position_index: int, rotation_deg: float,
+        on_step: Callable[[int], None],
+    ) -> Simulation:
         base = self.scene.mesh
-        fine = refine_under(base, self.scene.probe, path, self.scene.refinement)
+        fine = refine_under(base, self.scene.probe, path, config)
         simulator = PoseSimulator(replace(self.scene, mesh=fine, refinement=None))
         found = simulator.run(path, position_index=position_index, rotation_deg=rotation_deg, on_step=on_step)
         return Injection(base, fine).simulation(found)
@@ -110,6 +130,54 @@ class Injection:
             contact_forces=np.concatenate([*forces, np.empty((0, 3))]),
             part_translation=found.part_translation + moved, part_wrench=wrench,
         )
+
+
+def extrapolate(mesh: TissueMesh, coarse: Simulation, fine: Simulation) -> Simulation:
+    """What two simulations of one path tend to, the second with edges half as long: 2 u(h) − u(2 h).
+
+    Rotations go on along the turn from the one to the other, and the nodes of rigid parts move with them. What
+    describes the solves (residual, iterations, smallest det F, violation of the gap, time) is the worse, or the sum.
+
+    Args:
+        mesh: of both.
+        coarse, fine: on the nodes of `mesh`.
+    """
+    turn = np.einsum("skij,sklj->skil", fine.part_rotation, coarse.part_rotation)
+    rotation = turn @ fine.part_rotation
+    translation = 2.0 * fine.part_translation - coarse.part_translation
+    displacement = 2.0 * fine.displacement - coarse.displacement
+    for k in range(mesh.n_parts):
+        nodes = np.flatnonzero(mesh.node_part == k + 1)
+        arm = mesh.node_points[nodes] - mesh.points[mesh.part_nodes(k + 1)].mean(axis=0)
+        moved = translation[:, k, None] + np.einsum("sij,nj->sni", rotation[:, k] - np.eye(3), arm)
+        displacement[:, nodes] = moved
+    converged = coarse.converged & fine.converged
+    displacement[~converged] = 0.0
+    nodes, forces = [], []
+    for step in np.flatnonzero(converged):
+        ours, theirs = (found.contacts(int(step), loaded=False) for found in (fine, coarse))
+        every = np.union1d(ours[0], theirs[0])
+        force = np.zeros((len(every), 3))
+        force[np.searchsorted(every, ours[0])] += 2.0 * ours[1]
+        force[np.searchsorted(every, theirs[0])] -= theirs[1]
+        nodes.append(every)
+        forces.append(force)
+    counts = np.zeros(len(converged), dtype=np.int64)
+    counts[converged] = [len(some) for some in nodes]
+    wrench = None
+    if fine.part_wrench is not None and coarse.part_wrench is not None:
+        wrench = 2.0 * fine.part_wrench - coarse.part_wrench
+    return replace(
+        fine, displacement=displacement.astype(np.float32), part_rotation=rotation, part_translation=translation,
+        part_wrench=wrench, probe_wrench=2.0 * fine.probe_wrench - coarse.probe_wrench,
+        energy=2.0 * fine.energy - coarse.energy, converged=converged,
+        contact_offsets=np.concatenate([[0], np.cumsum(counts)]),
+        contact_nodes=np.concatenate([*nodes, np.empty(0, dtype=np.int64)]),
+        contact_forces=np.concatenate([*forces, np.empty((0, 3))]),
+        residual=np.fmax(fine.residual, coarse.residual), iterations=fine.iterations + coarse.iterations,
+        min_jacobian=np.fmin(fine.min_jacobian, coarse.min_jacobian),
+        penetration=np.fmax(fine.penetration, coarse.penetration), seconds=fine.seconds + coarse.seconds,
+    )
 
 
 def _owners(points: FloatArray, corners: FloatArray, faces: IntArray) -> IntArray:
