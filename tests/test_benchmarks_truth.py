@@ -17,13 +17,16 @@ def press(force: float, shift: float) -> truth.Press:
 
 
 def test_errors_are_taken_from_the_extrapolated_solution():
-    # Errors of 4 and 1 at mesh widths 1 and 1/2 are of order 2: extrapolation finds 10 N and 2 mm.
+    # Errors proportional to the edge: the lengths 14 and 7 find 10 N and 2 mm; 20 and 10 are 0.1 N and 0.02 mm off.
     found = {
-        ("linear", 0): press(20.0, 3.0), ("quadratic", 0): press(14.0, 2.4), ("quadratic halved", 0): press(11.0, 2.1),
+        ("linear", 0): press(20.0, 3.0), ("quadratic", 0): press(14.0, 2.4),
+        (truth.level_of(14.0), 0): press(11.4, 2.28), (truth.level_of(7.0), 0): press(10.7, 2.14),
+        (truth.level_of(20.0), 0): press(12.1, 2.42), (truth.level_of(10.0), 0): press(11.1, 2.22),
         ("linear", 1): press(20.0, 3.0),  # no reference at this pose
     }
-    result = truth.report(found)
+    result = truth.report(found, [20.0, 14.0, 10.0, 7.0])
     assert result["poses"] == 1
+    assert result["reference"] == truth.extrapolation_of(7.0)
     rows, uncertainty = result["rows"], result["uncertainty"]
     assert rows["quadratic"]["force"] == pytest.approx(0.4)
     assert rows["linear"]["force"] == pytest.approx(1.0)
@@ -31,8 +34,9 @@ def test_errors_are_taken_from_the_extrapolated_solution():
     assert rows["quadratic"]["vertebra_rel"] == pytest.approx(0.2)
     assert rows["quadratic"]["vertebra_bar"] == pytest.approx(0.4 / 0.05)
     assert rows["quadratic"]["field_mm"] == pytest.approx(0.4)
-    assert uncertainty["force"] == pytest.approx(0.1)
-    assert uncertainty["field_mm"] == pytest.approx(0.1)
+    assert rows[truth.level_of(7.0)]["force"] == pytest.approx(0.07)
+    assert uncertainty["force"] == pytest.approx(0.01)
+    assert uncertainty["field_mm"] == pytest.approx(0.02)
 
 
 def test_presses_survive_the_cache(tmp_path):

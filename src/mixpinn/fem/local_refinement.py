@@ -9,11 +9,11 @@ longer than
 
 with d the distance from the skin that the probe meets. The facets stay.
 
-Under the rim of a rigid tool the displacement of the skin goes like the root of the distance from the rim, as under a
-punch with an edge, so that the energy's error falls with the edge length itself, whatever the order of the cells
-(G. Strang and G. J. Fix, An Analysis of the Finite Element Method, 1973, ch. 8: energy's error h^2α at r^α). Two edge
-lengths, one twice the other, then tell the value without an error of that kind: 2 u(h) − u(2 h). How well that holds is
-measured by ``python -m benchmarks.truth``.
+Under the rim of a rigid tool the displacement of the skin goes like the root of the distance r from the rim, as under a
+punch with an edge, and its gradient like 1/√r. What cells of size h cannot follow there has an energy of about
+∫₀ʰ (1/√r)² r dr = h: the error falls with the edge length itself, whatever the order of the cells. Two edge lengths,
+one twice the other, then tell the value without an error of that kind: 2 u(h) − u(2 h). How well that holds on a
+patient is measured by ``python -m benchmarks.truth``.
 """
 
 from dataclasses import dataclass

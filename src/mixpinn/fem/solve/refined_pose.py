@@ -147,10 +147,10 @@ def extrapolate(mesh: TissueMesh, coarse: Simulation, fine: Simulation) -> Simul
     translation = 2.0 * fine.part_translation - coarse.part_translation
     displacement = 2.0 * fine.displacement - coarse.displacement
     for k in range(mesh.n_parts):
-        nodes = np.flatnonzero(mesh.node_part == k + 1)
-        arm = mesh.node_points[nodes] - mesh.points[mesh.part_nodes(k + 1)].mean(axis=0)
+        bone = np.flatnonzero(mesh.node_part == k + 1)
+        arm = mesh.node_points[bone] - mesh.points[mesh.part_nodes(k + 1)].mean(axis=0)
         moved = translation[:, k, None] + np.einsum("sij,nj->sni", rotation[:, k] - np.eye(3), arm)
-        displacement[:, nodes] = moved
+        displacement[:, bone] = moved
     converged = coarse.converged & fine.converged
     displacement[~converged] = 0.0
     nodes, forces = [], []
