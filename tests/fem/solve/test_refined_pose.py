@@ -100,7 +100,7 @@ def test_force_is_that_of_a_mesh_that_is_fine_everywhere() -> None:
 
 def test_what_is_told_belongs_to_the_mesh_of_the_scene() -> None:
     mesh = bed(bone=True)
-    found = press(mesh, LocalRefinement(8.0, 1.0, extrapolated=False))
+    found = press(mesh, LocalRefinement(14.0, 1.0, extrapolated=False))
     assert found.mesh_hash == mesh.hash()
     assert found.displacement.shape == (3, mesh.n_nodes, 3)
     nodes, forces = found.contacts(2)
@@ -116,11 +116,11 @@ def test_what_is_told_belongs_to_the_mesh_of_the_scene() -> None:
 
 
 def test_one_solve_on_refined_cells() -> None:
-    scene = Scene(bed(), TOOL, TISSUE, refinement=LocalRefinement(9.0, 1.0, extrapolated=False))
+    scene = Scene(bed(), TOOL, TISSUE, refinement=LocalRefinement(14.0, 1.0, extrapolated=False))
     tip = MIDDLE - np.array([0.0, 2.0, 0.0])
     answer = solve_pose(scene, tip, np.eye(3))
     assert answer.trust.converged
-    assert "edges of 9 mm under the probe" in answer.discretisation
+    assert "edges of 14 mm under the probe" in answer.discretisation
     assert_allclose(answer.force[1], press(bed(), scene.refinement).probe_wrench[2, 1], rtol=0.02)
     with pytest.raises(InputError, match="begin without a history"):
         solve_pose(scene, tip, np.eye(3), history=object())
