@@ -140,8 +140,11 @@ def test_links(tmp_path):
     (tmp_path / "links").mkdir()
     for path in folder.iterdir():
         (tmp_path / "links" / path.name).symlink_to(path)
-    (tmp_path / "links" / "vertebrae_L9.nii.gz").symlink_to(tmp_path / "nowhere.nii.gz")
+    (tmp_path / "links" / "spleen.nii.gz").symlink_to(tmp_path / "nowhere.nii.gz")  # nobody asks for it
     same(centres(read_folder(tmp_path / "links")), expected())
+    (tmp_path / "links" / "vertebrae_L3.nii.gz").symlink_to(tmp_path / "nowhere.nii.gz")
+    with pytest.raises(InputError, match=r"vertebrae_L3.*a link to a file that is not there; fetch the file"):
+        read_folder(tmp_path / "links")
 
 
 def test_a_folder_that_cannot_be_written_is_read(tmp_path):

@@ -235,3 +235,12 @@ class TestSimulate:
             says="another inputs",
         )
         assert contents(tmp_path / "s") == before
+
+
+@pytest.mark.parametrize(("verb", "folder", "says"), [
+    ("simulate", "anatomy", "expected the folder of a mesh, got one without mesh.vtu; run 'mixpinn mesh' first"),
+    ("predict", "simulation", "expected a bundle or a trained network, got a folder without hybrid.json"),
+])
+def test_a_folder_of_another_stage_is_named(chain, tmp_path, verb, folder, says):
+    more = ["--tip=0,0,0"] if verb == "predict" else []
+    refused(verb, getattr(chain, folder), *more, "--out", tmp_path / "out.vtu", says=says)

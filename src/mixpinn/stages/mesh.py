@@ -152,6 +152,11 @@ def load_mesh(source: Path | str) -> TissueMesh:
     source = Path(source)
     if source.suffix == ".vtu":
         return TissueMesh.load(source)
+    if source.is_dir() and not ((source / MESH_FILE).exists() or MESH_RUN.is_sealed(source)):
+        raise InputError(
+            str(source), expected="the folder of a mesh", got=f"one without {MESH_FILE}",
+            fix="run 'mixpinn mesh' first",
+        )
     MESH_RUN.check(source, MESH_FILE)
     return TissueMesh.load(source / MESH_FILE)
 

@@ -28,6 +28,11 @@ def read_label_image(path: Path | str) -> LabelImage:
     """
     path = Path(path)
     if not path.is_file():
+        if path.is_symlink() and not path.exists():
+            raise InputError(
+                str(path), expected="a label image", got="a link to a file that is not there",
+                fix="fetch the file (git annex get, dvc pull), or remove the link",
+            )
         raise InputError(str(path), expected="a label image", got="no such file", fix="check the path")
     if not path.stat().st_size:
         raise InputError(str(path), expected="a label image", got="an empty file", fix="copy or write it again")
@@ -58,7 +63,9 @@ def label_files(folder: Path) -> dict[str, Path]:
     found: dict[str, Path] = {}
     for path in sorted(folder.iterdir()):
         lower = path.name.lower()
-        if path.name.startswith(".") or not lower.endswith(IMAGE_SUFFIXES) or not path.is_file():
+        if path.name.startswith(".") or not lower.endswith(IMAGE_SUFFIXES):
+            continue
+        if path.exists() and not path.is_file():  # but a link to nothing, which is told when it is read
             continue
         if lower.endswith((".img", ".img.gz")) and pair_of(path) is not None:
             continue  # counted by its header
