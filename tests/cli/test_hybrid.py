@@ -70,6 +70,7 @@ def onboarded(tmp_path_factory):
     config = folder / "config.json"
     config.write_text(json.dumps({
         "anatomy": ANATOMY, "mesh": {**MESH, "element": "linear"}, "simulation": SIMULATION,
+        "budget": {"finer": "quadratic"},
         "first_round": 4, "hybrid": {"modes": 4},
     }))
     words = ("onboard", "phantom", "--config", config, "--no-pictures", "--out", folder / "run")

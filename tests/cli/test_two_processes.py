@@ -42,7 +42,10 @@ def test_every_verb_is_refused_in_a_folder_that_another_process_works_in(chain, 
             "import", "sofa", tmp_path, "--mesh", chain.mesh, "--positions", tmp_path / "positions.txt",
             "--paper-constants", "--out", out,
         ],
-        ["assess", save_bundle(block_predictor(), tmp_path / "bundle"), "--poses", "1", "--out", out],
+        [
+            "assess", save_bundle(block_predictor(), tmp_path / "bundle"), "--poses", "1", "--finer", "quadratic",
+            "--out", out,
+        ],
     ):
         outcome = command(*words)
         assert outcome.code == 2, words

@@ -20,7 +20,7 @@ from mixpinn.reduced.hybrid import HybridModel
 from mixpinn.serving.bundle_budget import keep_budget, load_budget
 from mixpinn.stages.budget.make import make_budget
 from mixpinn.stages.budget.solves import Found
-from mixpinn.stages.budget.variants import BudgetConfig
+from mixpinn.stages.budget.variants import BudgetConfig, Finer
 from mixpinn.stages.hybrid import plain_pose_model, save_bundle
 from mixpinn.stages.prior import cached_prior
 from mixpinn.studies.ablation_sets import TestSet, _Sets
@@ -101,7 +101,8 @@ def budget(chain, folder):
     predictor.mesh.save(bundle / MESH_FILE)
     predictor.model.save(bundle)
     save_pose_model(predictor.pose, bundle)
-    keep_budget(make_budget(bundle, BudgetConfig(poses=1, depth=1.0), out=folder / "run"), bundle)
+    config = BudgetConfig(poses=1, depth=1.0, finer=Finer.QUADRATIC)
+    keep_budget(make_budget(bundle, config, out=folder / "run"), bundle)
 
     def read(place):
         solve = vars(Found.load(sorted((place / "run" / "solves").glob("*.npz"))[0])).values()

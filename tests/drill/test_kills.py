@@ -45,6 +45,7 @@ def verbs(chain, tmp_path_factory):
     hybrid = ["--set", "hybrid.modes=6"]
     onboarding = {
         "anatomy": ANATOMY, "mesh": {**mesh, "element": "linear"}, "simulation": simulation, "hybrid": {"modes": 6},
+        "budget": {"finer": "quadratic"},
         "poses": 6, "first_round": 4,
     }
     run = {**RUN, "mesh": mesh, "simulation": simulation, "models": MODELS, "evaluation": {"pictures": False}}
@@ -73,7 +74,7 @@ def verbs(chain, tmp_path_factory):
         ],
         "assess": [
             "assess", str(save_bundle(block_predictor(), folder / "bundle")), "--poses", "1", "--depth", "1",
-            "--threads", "1",
+            "--finer", "quadratic", "--threads", "1",
         ],
     }
     assert set(commands) == set(NAMES)

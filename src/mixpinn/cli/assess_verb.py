@@ -17,7 +17,7 @@ def assess(
     out: Out,
     poses: Annotated[int | None, typer.Option(help="Presses over the rigid parts; 3.")] = None,
     depth: Annotated[float | None, typer.Option(help="Of each beyond first touch [mm]; 10.")] = None,
-    finer: Annotated[str | None, typer.Option(help="quadratic or halved: what the cells are held against.")] = None,
+    finer: Annotated[str | None, typer.Option(help="What cells are held against: refined, quadratic, halved.")] = None,
     facets: Annotated[
         Path | None, typer.Option(help="The anatomy of 'mixpinn anatomy', or its mesh with a finer surface."),
     ] = None,

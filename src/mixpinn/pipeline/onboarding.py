@@ -30,7 +30,7 @@ from mixpinn.stages.anatomy import AnatomyConfig, make_anatomy
 from mixpinn.stages.budget.make import make_budget
 from mixpinn.stages.budget.variants import BudgetConfig
 from mixpinn.stages.evaluation import Background, EvaluationConfig, evaluate_models
-from mixpinn.stages.hybrid import SPLIT_FILE, fit_pose_model, is_whole, plain_pose_model, save_bundle
+from mixpinn.stages.hybrid import SPLIT_FILE, fit_pose_model, is_whole, plain_pose_model, save_bundle, taught_with
 from mixpinn.stages.mesh import PATIENT_CELLS, MeshConfig, make_mesh
 from mixpinn.stages.prior import cached_prior
 from mixpinn.stages.restraints import describe
@@ -113,7 +113,8 @@ def onboard(config: OnboardingConfig, *, out: Path | str) -> Path:
     console.print(f"The elastic prior is ready: {out / BUNDLE} can be used; simulations make it better.")
     if config.poses:
         _learn(model, mesh, config, clock, out)
-    told = {"Discretisation": discretisation_of(scene.mesh), **describe(scene.mesh, scene.restraints)}
+    refined_to = "" if scene.refinement is None else str(scene.refinement)
+    told = {"Discretisation": discretisation_of(scene.mesh, refined_to), **describe(scene.mesh, scene.restraints)}
     budget = load_budget(out / BUNDLE, scene.mesh)
     write_text(out / "onboarding.md", rounds_report(
         clock.rounds, mesh_nodes=mesh.n_points, body=told, budget=budget, minutes=clock.seconds() / 60.0,
@@ -198,7 +199,7 @@ def _fit(
         touched = np.union1d(prior.nodes, table.contact_nodes)
         prior = cached_prior(model.mesh, scene.materials, touched=touched, restraints=scene.restraints)
     train, calibration = _samples_of(table, fitted), _samples_of(table, held)
-    hybrid = fit_hybrid(prior, scene.materials, train, calibration, config.hybrid)
+    hybrid = taught_with(fit_hybrid(prior, scene.materials, train, calibration, config.hybrid), scene.refinement)
     return hybrid, fit_pose_model(hybrid, scene.probe, scene.contact, _samples_of(table, poses))
 
 

@@ -123,6 +123,17 @@ class HybridModel:
         """The linear response."""
         return self.newton.prior
 
+    @property
+    def refinement(self) -> dict[str, Any] | None:
+        """How cells were refined under the probe where it was taught (`mixpinn.fem.LocalRefinement`); None: not."""
+        found: dict[str, Any] | None = self.about.get("refinement")
+        return found
+
+    @property
+    def made_on(self) -> str:
+        """Elements and size of the mesh in words, and what its cells were refined to in the simulations."""
+        return discretisation_of(self.mesh, self.about.get("refined_to", ""))
+
     @staticmethod
     def of_prior(prior: ElasticPrior, equilibrium: Equilibrium) -> "HybridModel":
         """The prior alone: no modes, nothing fitted yet."""

@@ -10,7 +10,6 @@ import numpy as np
 
 from mixpinn.base.arrays import AnyArray, IntArray
 from mixpinn.records import TissueMesh
-from mixpinn.records.answer import discretisation_of
 from mixpinn.server.protocol import VERSION, encode_surface, encode_tissue
 from mixpinn.serving.hybrid_predictor import HybridPredictor
 
@@ -58,7 +57,7 @@ class SceneFiles:
         about: dict[str, Any] = {
             "version": VERSION, "name": predictor.name, "units": {"length": "mm", "force": "N", "moment": "N mm"},
             "frame": {"x": "patient right", "y": "posterior", "z": "caudal"},
-            "discretisation": discretisation_of(mesh), "n_nodes": mesh.n_nodes, "n_vertices": len(nodes),
+            "discretisation": model.hybrid.made_on, "n_nodes": mesh.n_nodes, "n_vertices": len(nodes),
             "low": points.min(axis=0).tolist(), "high": points.max(axis=0).tolist(), "parts": parts,
             "probes": [{
                 "name": "probe", "url": "/api/probes/0.bin", "low": probe.points.min(axis=0).tolist(),

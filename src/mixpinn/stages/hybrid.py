@@ -2,7 +2,7 @@
 
 import contextlib
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +11,7 @@ from mixpinn.base.errors import InputError
 from mixpinn.base.files import hash_arrays
 from mixpinn.base.rundir import finish_run, is_finished, run_scope, start_run
 from mixpinn.dataset import SimulationStore, Split
-from mixpinn.fem import ContactConfig, Material
+from mixpinn.fem import ContactConfig, LocalRefinement, Material
 from mixpinn.press.contact import PriorContact
 from mixpinn.press.domain import PoseDomain
 from mixpinn.press.files import save_pose_model
@@ -77,6 +77,7 @@ def make_hybrid(
     model = fit_hybrid(
         prior, materials, table.select(samples.train), table.select(samples.validation), config.hybrid,
     )
+    model = taught_with(model, store.refinement())
     split.save(out / SPLIT_FILE)
     save_bundle(model, out, tolerance=config.hybrid.compress)
     if probe is not None and contact is not None:
@@ -87,6 +88,13 @@ def make_hybrid(
         )
     finish_run(out, {"model": model.about})
     return model
+
+
+def taught_with(model: HybridModel, refinement: LocalRefinement | None) -> HybridModel:
+    """`model`, which says how cells were refined under the probe in its simulations."""
+    if refinement is None:
+        return model
+    return replace(model, about={**model.about, "refinement": asdict(refinement), "refined_to": str(refinement)})
 
 
 def plain_pose_model(model: HybridModel, probe: Probe, contact: ContactConfig) -> PoseModel:

@@ -19,12 +19,13 @@ from mixpinn.stages.budget.variants import (
     PENALTY,
     POISSON,
     BudgetConfig,
+    Finer,
     base_scene,
     variants,
 )
 from serving.live.pressed import block_predictor, save_bundle
 
-CONFIG = BudgetConfig(poses=1, depth=1.0)
+CONFIG = BudgetConfig(poses=1, depth=1.0, finer=Finer.QUADRATIC)
 
 
 @pytest.fixture(scope="module")

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from mixpinn.base.arrays import FloatArray
+from mixpinn.base.config import build_config
 from mixpinn.base.errors import InputError, MixpinnError, SolveError
 from mixpinn.geometry.probe_pose import ProbePose
 from mixpinn.physics.restraints import FREE, Restraints
@@ -40,6 +41,7 @@ class Setup:
         gap, friction: of contact [mm].
         poses: of the probes.
         restraints: joints and foundations.
+        refinement: of the cells under the probe, as the bundle has it; None: none.
     """
 
     mesh: TissueMesh
@@ -51,6 +53,7 @@ class Setup:
     friction: float
     poses: tuple[ProbePose, ...]
     restraints: Restraints = FREE
+    refinement: dict[str, Any] | None = None
 
     @staticmethod
     def of_predictor(predictor: HybridPredictor, poses: Sequence[ProbePose]) -> "Setup":
@@ -73,6 +76,7 @@ class Setup:
         return Setup(
             predictor.mesh, tuple(map(float, equilibrium.mu)), tuple(map(float, equilibrium.lam)), probe.points,
             probe.triangles, config.gap, config.friction, tuple(poses), predictor.model.prior.restraints,
+            predictor.model.refinement,
         )
 
     @property
@@ -146,7 +150,7 @@ def solve_fully(setup: Setup, on_step: Callable[[int, int], None] | None = None)
         setup: what is pressed with what, and where to.
         on_step: called with how many steps are done, and of how many.
     """
-    from mixpinn.fem import ContactConfig, Scene, StableNeoHookean
+    from mixpinn.fem import ContactConfig, LocalRefinement, Scene, StableNeoHookean
     from mixpinn.fem.solve.pose import solve_pose
     from mixpinn.records import Probe
 
@@ -159,6 +163,7 @@ def solve_fully(setup: Setup, on_step: Callable[[int, int], None] | None = None)
         tuple(StableNeoHookean(mu=mu, lam=lam) for mu, lam in zip(setup.mu, setup.lam, strict=True)),
         ContactConfig(gap=setup.gap, friction=setup.friction), joints=setup.restraints.joints,
         foundations=setup.restraints.foundations, membrane=setup.restraints.membrane,
+        refinement=None if setup.refinement is None else build_config(LocalRefinement, setup.refinement),
     )
     found = solve_pose(scene, first.translation, first.rotation, on_step=on_step)
     return found if len(setup.poses) == 1 else _shared(found, setup)

@@ -15,7 +15,7 @@ from mixpinn.geometry.probe_pose import ProbePose
 from mixpinn.press.hurried import HurriedContact, LostTrackError
 from mixpinn.press.model import PoseModel, Touch
 from mixpinn.press.records import ContactHistory, check_poses
-from mixpinn.records.answer import Answer, Contact, Motion, Source, Trust, discretisation_of
+from mixpinn.records.answer import Answer, Contact, Motion, Source, Trust
 from mixpinn.serving.hybrid_predictor import HybridPredictor
 from mixpinn.serving.live.recording import Recording
 from mixpinn.serving.live.records import Friction, LiveAnswer, LiveProbe, Refusal
@@ -356,7 +356,7 @@ def untouched(model: PoseModel, name: str) -> Answer:
             0.0, 0.0, 1.0, force_expected=0.0, force_bound=0.0, motion_expected=0.0, motion_bound=0.0,
             reasons=("no probe presses: nothing moves",),
         ),
-        discretisation=discretisation_of(mesh),
+        discretisation=model.hybrid.made_on,
     )
 
 

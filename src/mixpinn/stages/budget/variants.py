@@ -7,9 +7,10 @@ from functools import partial
 import numpy as np
 
 from mixpinn.anatomy.mixture import mixed_parts
+from mixpinn.base.config import build_config
 from mixpinn.base.errors import InputError
 from mixpinn.base.sensible import require_settings
-from mixpinn.fem import Material, Scene, StableNeoHookean
+from mixpinn.fem import LocalRefinement, Material, Scene, StableNeoHookean
 from mixpinn.fem.contact.model import ContactConfig
 from mixpinn.fem.material.mixed import mean_material
 from mixpinn.fem.solve.quasi_static import SolverConfig
@@ -30,6 +31,8 @@ class Finer(StrEnum):
     """Ten-node cells on the same mesh; for a bundle of linear cells."""
     HALVED = "halved"
     """The same cells with every edge halved: eight times as many."""
+    REFINED = "refined"
+    """Ten-node cells, refined under the probe to two lengths and extrapolated (`mixpinn.fem.local_refinement`)."""
 
 
 @dataclass(frozen=True)
@@ -39,8 +42,7 @@ class BudgetConfig:
     Attributes:
         poses: presses over the rigid parts.
         depth: of each, beyond first touch [mm].
-        finer: what the discretisation is held against; None: quadratic cells where the bundle's are linear, halved
-            edges where they are quadratic already.
+        finer: what the discretisation is held against.
         stiffness_factor: of the penalty of contact, for its error.
         gap_share: the gap at which contact acts is changed to this share of it, or as much wider, for its error.
         modulus: by what share the moduli of the tissues but the first are changed; of a single tissue, its own.
@@ -53,7 +55,7 @@ class BudgetConfig:
 
     poses: int = 3
     depth: float = 10.0
-    finer: Finer | None = None
+    finer: Finer = Finer.REFINED
     stiffness_factor: float = 4.0
     gap_share: float = 0.75
     modulus: float = 0.2
@@ -92,6 +94,7 @@ def base_scene(predictor: HybridPredictor, config: BudgetConfig) -> Scene:
         ContactConfig(gap=pose.contact.config.gap, friction=pose.contact.config.friction),
         SolverConfig(threads=config.threads), joints=restraints.joints, foundations=restraints.foundations,
         membrane=restraints.membrane,
+        refinement=None if model.refinement is None else build_config(LocalRefinement, model.refinement),
     )
 
 
@@ -174,18 +177,27 @@ def _fixed_regions(base: Scene, config: BudgetConfig) -> list[Variant]:
 
 
 def _finer_cells(base: Scene, config: BudgetConfig) -> Variant:
-    finer = config.finer or (Finer.QUADRATIC if base.mesh.order == 1 else Finer.HALVED)
-    scene = partial(_with_finer_cells, base, finer)
-    if finer is Finer.QUADRATIC:
+    scene = partial(_with_finer_cells, base, config.finer)
+    if config.finer is Finer.REFINED:
+        return Variant(CELLS, BudgetKind.ERROR, f"quadratic, {_refinement(base)} under the probe", scene)
+    if config.finer is Finer.QUADRATIC:
         return Variant(
-            CELLS, BudgetKind.ERROR, finer.value, scene,
+            CELLS, BudgetKind.ERROR, config.finer.value, scene,
             note="quadratic cells on the same mesh are not converged either",
         )
-    # Errors fall with the square of the width (see `benchmarks.truth`): 4/3 of what halving it changes is left.
-    return Variant(CELLS, BudgetKind.ERROR, f"{finer.value}, extrapolated", scene, scale=4.0 / 3.0)
+    # Errors fall with the edge length under the probe: halving it tells half of what is missing.
+    return Variant(CELLS, BudgetKind.ERROR, f"{config.finer.value}, extrapolated", scene, scale=2.0)
+
+
+def _refinement(base: Scene) -> LocalRefinement:
+    """What a scene's cells are held against; finer by √2 than its own where it has one."""
+    own = base.refinement
+    return LocalRefinement() if own is None else replace(own, edge=own.edge / np.sqrt(2.0), extrapolated=True)
 
 
 def _with_finer_cells(base: Scene, finer: Finer) -> Scene:
+    if finer is Finer.REFINED:
+        return replace(base, mesh=base.mesh.with_order(2), refinement=_refinement(base))
     return replace(base, mesh=_finer(base.mesh, finer))
 
 
@@ -213,8 +225,13 @@ def present(source: str, base: Scene) -> str:
     return {
         PENALTY: f"{base.contact.stiffness:g} N/mm", GAP: f"{base.contact.gap:g} mm",
         FRICTION: f"{base.contact.friction:g}", POISSON: f"{_moduli(_lame(base.materials[0]))[1]:.3f}",
-        CELLS: "linear" if base.mesh.order == 1 else "quadratic", FACETS: f"{base.mesh.n_points} vertices",
+        CELLS: _cells(base), FACETS: f"{base.mesh.n_points} vertices",
     }.get(source, "as it is")
+
+
+def _cells(base: Scene) -> str:
+    kind = "linear" if base.mesh.order == 1 else "quadratic"
+    return kind if base.refinement is None else f"{kind}, {base.refinement} under the probe"
 
 
 def _finer(mesh: TissueMesh, finer: Finer) -> TissueMesh:
