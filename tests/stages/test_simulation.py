@@ -8,6 +8,7 @@ from mixpinn.base.config import build_config
 from mixpinn.base.errors import InputError, SolveError
 from mixpinn.base.rundir import is_finished
 from mixpinn.dataset import PoseState, SimulationStore
+from mixpinn.fem import LocalRefinement
 from mixpinn.geometry.probe_shapes import linear_probe
 from mixpinn.records import TissueMesh
 from mixpinn.records.doubts import in_short
@@ -57,6 +58,16 @@ def test_tissues_by_name(mesh):
 def test_number_of_workers_does_not_identify_a_run(chain, mesh, config):
     store, summary = make_simulations(mesh, replace(config, workers=2), out=chain.simulation)
     assert summary.done == len(store.poses) == 6
+
+
+def test_cells_refined_under_the_probe_are_a_setting_that_the_store_knows(mesh, config, tmp_path):
+    refined = build_config(SimulationConfig, {**SIMULATION, "refinement": {"edge": 12.0}})
+    _, store = begin_simulations(mesh, refined, out=tmp_path)
+    assert store.refinement() == refined.refinement == LocalRefinement(12.0)
+    assert make_scene(mesh, refined).refinement == refined.refinement
+    assert make_scene(mesh, config).refinement is None
+    with pytest.raises(InputError, match="another config"):
+        begin_simulations(mesh, config, out=tmp_path)
 
 
 def test_nothing_is_written_where_no_position_can_be_probed(mesh, config, tmp_path):
