@@ -14,8 +14,8 @@ import numpy as np
 from drill.fuzz_foreign import KINDS
 
 _BYTES = (
-    "hybrid.json", "mesh.vtu", "prior/prior.json", "prior/compliance.npy", "manifest.json", "prior/manifest.json",
-    "hybrid.safetensors",
+    "hybrid.json", "mesh.vtu", "prior/prior.json", "prior/exact.npy", "manifest.json", "prior/manifest.json",
+    "prior/numbers.npy", "hybrid.safetensors",
 )
 _DESCRIBED = ("hybrid.safetensors", "pose.safetensors")
 _LARGEST = 100_000

@@ -93,7 +93,7 @@ def artefact(chain, bundle, tmp_path, monkeypatch):  # noqa: F811
     kinds = {
         "bundle": Artefact(bundle, predicted, (
             "hybrid.json", "hybrid.safetensors", "pose.safetensors", "mesh.vtu", "manifest.json", "prior/prior.json",
-            "prior/compliance.npy", "prior/manifest.json",
+            "prior/numbers.npy", "prior/scale.npy", "prior/exact.npy", "prior/manifest.json",
         )),
         "network": Artefact(chain.model, predicted, ("model.json", "weights.safetensors", "mesh.vtu", "manifest.json")),
         "losses": Artefact(chain.model, losses_of, ("history.csv", "manifest.json")),

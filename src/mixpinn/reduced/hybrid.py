@@ -187,10 +187,10 @@ class HybridModel:
         remaining = self.newton.step(state.unknowns, state.contact)
         return Signs.of(state.step, state.correction, remaining, state.coordinates)
 
-    def save(self, folder: Path | str, *, tolerance: float = 0.0) -> None:
+    def save(self, folder: Path | str, *, tolerance: float = 0.0, packed: bool = False) -> None:
         """Write the arrays as safetensors, the prior beside them (see `ElasticPrior.save`), and ``hybrid.json``."""
         folder = Path(folder)
-        self.prior.save(folder / PRIOR_FOLDER, tolerance=tolerance)
+        self.prior.save(folder / PRIOR_FOLDER, tolerance=tolerance, packed=packed)
         arrays = {
             "modes": self.newton.modes, "duals": self.newton.duals, "coupling": self.newton.coupling,
             "readers": self.readers, "gain": self.gain,

@@ -26,7 +26,7 @@ from mixpinn.base.validated import ArraySpec, load_arrays, load_record
 from mixpinn.physics.restraints import FREE, Restraints
 from mixpinn.records import TissueMesh
 from mixpinn.records.answer import discretisation_of
-from mixpinn.reduced.compliance import Compliance, DenseCompliance, FactoredCompliance
+from mixpinn.reduced.compliance import Compliance, DenseCompliance, FactoredCompliance, PackedCompliance
 from mixpinn.reduced.coordinates import ReducedCoordinates
 from mixpinn.reduced.row_products import block_of
 
@@ -36,9 +36,10 @@ if TYPE_CHECKING:
     from mixpinn.fem import LinearSolver, Material
 
 _ABOUT, _COMPLIANCE = "prior.json", "compliance.npy"
-_LEFT, _RIGHT, _OWN = "left.npy", "right.npy", "own.npy"
-FILES = (_ABOUT, _COMPLIANCE, _LEFT, _RIGHT, _OWN)
-"""All that a prior may have; compliance, or its factors."""
+_LEFT, _RIGHT, _OWN, _NUMBERS = "left.npy", "right.npy", "own.npy", "numbers.npy"
+_SCALE, _EXACT = "scale.npy", "exact.npy"
+FILES = (_ABOUT, _COMPLIANCE, _LEFT, _RIGHT, _OWN, _NUMBERS, _SCALE, _EXACT)
+"""All that a prior may have; compliance, whole or packed, or its factors."""
 DENSE_BYTES = 1 << 30
 """Beyond this size [byte] a compliance is kept in factors: it would not fit beside everything else in memory. Up to it,
 the whole matrix answers faster: the rows of some thirty contact nodes are less to read than some hundred modes."""
@@ -103,6 +104,10 @@ _FACTORS = {
     "left": ArraySpec("number", ("rows", "rank")), "right": ArraySpec("number", ("rank", "unknowns")),
     "own": ArraySpec("number", ("rows", "rows")),
 }
+_PACKED = {
+    "numbers": ArraySpec("index", ("rows", "inside")), "scale": ArraySpec("number", ("rows",)),
+    "exact": ArraySpec("number", ("rows", "others")),
+}
 
 
 @dataclass(frozen=True)
@@ -115,6 +120,7 @@ class _About:
     tolerance: float = 0.0
     missed: float = 0.0
     factored: bool = False
+    packed: bool = False
     restraints: dict[str, Any] = field(default_factory=dict)
 
 
@@ -223,34 +229,46 @@ class ElasticPrior:
         unknowns, _ = self.respond(nodes, displacements)
         return self.expand(unknowns)
 
-    def save(self, folder: Path | str, *, tolerance: float = 0.0) -> None:
+    def save(self, folder: Path | str, *, tolerance: float = 0.0, packed: bool = False) -> None:
         """Write the compliance (.npy, mapped into memory when read) and what it belongs to.
 
         Args:
             folder: where to.
-            tolerance: with a positive one, a dense C is written as a product of two smaller matrices that differs from
-                it by at most this share, in the Frobenius norm; the contact nodes' own block stays exact. Such a prior
-                is multiplied out when it is read, unless that would take more than `DENSE_BYTES`.
+            tolerance: with a positive one, a C that is not in factors is written as a product of two smaller matrices
+                that differs from it by at most this share, in the Frobenius norm; the contact nodes' own block stays
+                exact. Such a prior is multiplied out when it is read, unless that would take more than `DENSE_BYTES`.
+            packed: without tolerance, write a dense C in 16-bit integers; see `PackedCompliance`.
         """
         folder, record = Path(folder), self.restraints.record()
         Restraints.of_record(record, "joints of a prior that is kept")  # a law of the user's own cannot be read back
-        if isinstance(self.compliance, FactoredCompliance):
-            kept = self.compliance
-            arrays = {_LEFT: kept.left, _RIGHT: kept.right, _OWN: kept.block}
-        else:
-            assert isinstance(self.compliance, DenseCompliance)
-            matrix = self.compliance.matrix
-            arrays = {_COMPLIANCE: matrix} if tolerance <= 0.0 else self._factors(matrix, tolerance)
+        arrays = self._arrays(tolerance, packed)
         for name, array in arrays.items():
             with atomic_path(folder / name) as temporary:
                 np.save(temporary, array, allow_pickle=False)
         write_json(folder / _ABOUT, {
             "mesh_hash": self.mesh.hash(), "nodes": self.nodes, "name": self.name, "tolerance": max(tolerance, 0.0),
-            "missed": self.missed, "factored": _LEFT in arrays, "restraints": record,
+            "missed": self.missed, "factored": _LEFT in arrays, "packed": _NUMBERS in arrays, "restraints": record,
         })
         PRIOR.seal(folder, [_ABOUT, *arrays])
 
-    def _factors(self, matrix: Float32Array, tolerance: float) -> dict[str, Float32Array]:
+    def _arrays(self, tolerance: float, packed: bool) -> dict[str, AnyArray]:
+        """What `save` writes, by the names of files."""
+        kept = self.compliance
+        if isinstance(kept, FactoredCompliance):
+            return {_LEFT: kept.left, _RIGHT: kept.right, _OWN: kept.block}
+        if tolerance > 0.0:
+            kept = kept.dense() if isinstance(kept, PackedCompliance) else kept
+        elif packed and isinstance(kept, DenseCompliance):
+            kept = kept.packed(_exact_unknowns(self._own_unknowns(), self.coordinates))
+        if isinstance(kept, PackedCompliance):
+            return {_NUMBERS: kept.numbers, _SCALE: kept.scale, _EXACT: kept.exact}
+        assert isinstance(kept, DenseCompliance)
+        factors: dict[str, AnyArray] = {_COMPLIANCE: kept.matrix}
+        if tolerance > 0.0:
+            factors = self._factors(kept.matrix, tolerance)
+        return factors
+
+    def _factors(self, matrix: Float32Array, tolerance: float) -> dict[str, AnyArray]:
         """C ≈ V_r (V_rᵀ C) with the r leading left singular vectors V_r, and the exact own block."""
         dense = np.asarray(matrix, dtype=np.float64)
         squared, vectors = np.linalg.eigh(dense @ dense.T)
@@ -300,6 +318,13 @@ class ElasticPrior:
             factored = FactoredCompliance(arrays["left"], right, arrays["own"], own)
             exact = about.missed == 0.0 and 4 * extents["rows"] * extents["unknowns"] <= DENSE_BYTES
             compliance = factored.dense() if exact else factored
+        elif about.packed:
+            PRIOR.check(folder, _NUMBERS, _SCALE, _EXACT)
+            own = (3 * np.searchsorted(free, nodes)[:, None] + np.arange(3)).ravel()
+            unknowns = _exact_unknowns(own, ReducedCoordinates(mesh))
+            extents |= {"others": len(unknowns), "inside": extents["unknowns"] - len(unknowns)}
+            arrays = load_arrays(folder, _PACKED, remake=PRIOR.remake, extents=extents, mapped=("numbers",))
+            compliance = PackedCompliance(arrays["numbers"], arrays["scale"], arrays["exact"], unknowns)
         else:
             PRIOR.check(folder, _COMPLIANCE)
             whole = {"compliance": ArraySpec("number", ("rows", "unknowns"))}
@@ -308,3 +333,8 @@ class ElasticPrior:
             )["compliance"])
         restraints = Restraints.of_record(about.restraints, str(folder / _ABOUT))
         return ElasticPrior(mesh, nodes, compliance, about.name, about.missed, restraints)
+
+
+def _exact_unknowns(own: IntArray, coordinates: ReducedCoordinates) -> IntArray:
+    """What a packed compliance keeps as it is: the contact nodes' own unknowns (R,), then all twists."""
+    return np.concatenate([own, np.arange(coordinates.n_soft, coordinates.size)])

@@ -114,10 +114,10 @@ def fit_pose_model(
 
 
 def save_bundle(model: HybridModel, out: Path, *, tolerance: float = 0.0) -> None:
-    """Write all that `mixpinn.serving` needs: the mesh, the prior, the correction and its calibration."""
+    """Write all that `mixpinn.serving` needs: the mesh, the prior (packed), the correction and its calibration."""
     (out / BUDGET_FILE).unlink(missing_ok=True)  # of the model that was there before
     model.mesh.save(out / MESH_FILE)
-    model.save(out, tolerance=tolerance)
+    model.save(out, tolerance=tolerance, packed=True)
 
 
 def is_whole(bundle: Path) -> bool:
