@@ -22,7 +22,6 @@ import numpy as np
 from mixpinn.base.arrays import AnyArray, Float32Array, IntArray
 from mixpinn.reduced.row_products import combine_rows, rows_times
 
-
 _LARGEST = 32_767
 """The largest of the 16-bit integers."""
 _AT_A_TIME = 256
