@@ -18,6 +18,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mixpinn.base.arrays import AnyArray, Float32Array, IntArray
 from mixpinn.reduced.row_products import combine_rows, rows_times
@@ -108,7 +109,7 @@ class PackedCompliance:
         unknowns: which these are: the contact nodes' own (R,) first.
     """
 
-    numbers: IntArray
+    numbers: NDArray[np.int16]
     scale: Float32Array
     exact: Float32Array
     unknowns: IntArray
