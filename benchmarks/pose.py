@@ -21,7 +21,7 @@ from mixpinn.dataset import SimulationStore, Split, build_sample_table
 from mixpinn.press.contact import PriorContact
 from mixpinn.press.domain import PoseDomain
 from mixpinn.press.files import load_pose_model, save_pose_model
-from mixpinn.press.fit import collect, fit_pose
+from mixpinn.press.fit import collect, fit_pose, fitted_bend
 from mixpinn.press.model import PoseModel
 from mixpinn.press.records import PoseContactConfig
 from mixpinn.records import Probe, SampleTable
@@ -139,7 +139,9 @@ def main() -> None:
         model = PoseModel(hybrid, solver, probes, PoseDomain.of_mesh(mesh))
         began = time.perf_counter()
         validation = np.flatnonzero(np.isin(table.position_index, split.validation))[:: args.every]
-        model = fit_pose(model, collect(model, table, np.union1d(training, validation)))
+        seen = np.union1d(training, validation)
+        model = fitted_bend(model, table.select(seen))
+        model = fit_pose(model, collect(model, table, seen))
         save_pose_model(model, args.pose)
         print(f"fitted on {len(training)} samples in {time.perf_counter() - began:.0f} s")
     model = load_pose_model(args.pose, hybrid)

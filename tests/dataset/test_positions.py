@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -46,3 +48,13 @@ def test_planned_poses_begin_at_touch_or_as_listed():
     touching = plan_poses(positions, DOWN, mesh=mesh, probe=plate(), gap=2.0)
     assert [pose.rotation_deg for pose in touching] == [0.0, 45.0, 90.0, 135.0]
     assert all(pose.position[1] == pytest.approx(2.0, abs=2e-3) for pose in touching)
+
+
+def test_bones_close_beside_the_targets_are_pressed_too():
+    mesh = block(6)
+    part = mesh.part.copy()
+    part[mesh.points[:, 2].argmax()] = 2  # a vertex of another bone, 25 mm beside the middle of the first
+    both = replace(mesh, part=part, rigid_names=(*mesh.rigid_names, "beside"), targets=mesh.rigid_names)
+    assert both.pressed_points[:, 2].max() == pytest.approx(mesh.points[:, 2].max())
+    far = replace(both, points=both.points * np.array([1.0, 1.0, 4.0]))
+    assert far.pressed_points[:, 2].max() < far.points[:, 2].max()

@@ -14,7 +14,7 @@ from mixpinn.geometry.probe_shapes import spherical_probe
 from mixpinn.press.contact import PriorContact
 from mixpinn.press.domain import PoseDomain
 from mixpinn.press.files import POSE_FILE, load_pose_model, save_pose_model
-from mixpinn.press.fit import PoseSamples, fit_pose
+from mixpinn.press.fit import PoseSamples, _blind, fit_pose, fitted_bend
 from mixpinn.press.model import PoseModel, Uncorrected
 from mixpinn.press.records import ContactHistory, ContactPrediction
 from mixpinn.records import ProbePath
@@ -23,7 +23,7 @@ from mixpinn.reduced.hybrid import BUNDLE, HybridModel
 from mixpinn.reduced.modal_newton import ModalNewton
 from mixpinn.reduced.prior import ElasticPrior
 from mixpinn.reduced.quadratic_features import quadratic_features
-from reduced.pressed_block import TISSUE, top_nodes
+from reduced.pressed_block import TISSUE, pressed_table, top_nodes
 from training.toy_block import block_mesh
 
 UP = 40.0
@@ -239,3 +239,29 @@ def test_a_shift_of_the_skin_never_exceeds_a_part_of_the_linear_answer(model) ->
     assert np.abs(base.displacement).max() < 60.0
     assert not base.trust.sound
     assert any("beyond first touch" in reason for reason in base.trust.reasons)
+
+
+def test_the_part_of_the_newton_step_is_that_with_which_forces_fit(model) -> None:
+    poses = np.concatenate([tip(14.0 + 2.0 * i, 18.0 + i) for i in range(6)])
+    wrench = []
+    for place in poses:
+        linear, bent = (
+            replace(model, steps=steps).uncorrected(TURN, place[None]).contact.wrench[0] for steps in (0, 1)
+        )
+        wrench.append(0.7 * linear + 0.3 * bent)
+    table = replace(
+        pressed_table(model.hybrid.mesh, 6), probe_rotation=np.repeat(TURN, 6, axis=0), probe_translation=poses,
+        probe_wrench=np.array(wrench),
+    )
+    assert fitted_bend(model, table).bend == pytest.approx(0.3, abs=1e-6)
+
+
+def test_errors_to_expect_are_those_of_a_choice_made_elsewhere() -> None:
+    fold = np.array([0, 0, 1, 1])
+    # The first candidate serves best in the first fold, the second in the other one.
+    of_each = np.array([[0.0, 0.0, 5.0, 5.0], [2.0, 2.0, 1.0, 1.0]])
+    errors = np.stack([of_each, of_each], axis=1)
+    left = [np.full((4, 7), 1.0), np.full((4, 7), 2.0)]
+    found = _blind(errors, left, fold)
+    assert_array_equal(found[:, 0], [2.0, 2.0, 1.0, 1.0])
+    assert_array_equal(found[:, -1], [2.0, 2.0, 1.0, 1.0])

@@ -73,7 +73,7 @@ def thin_positions(positions: FloatArray, count: int | None) -> FloatArray:
 
 
 def grid_positions(mesh: TissueMesh, protocol: Protocol) -> FloatArray:
-    """Positions on the skin over the targets, every `protocol.spacing`, centred on their extent [mm], shape (p, 3).
+    """Positions on the skin over the pressed bones, every `protocol.spacing`, centred on their extent [mm], (p, 3).
 
     Each is the first point of the skin that a ray along the pressing direction meets. A mesh without rigid parts
     is covered over its whole extent less one spacing on each side.
@@ -82,7 +82,7 @@ def grid_positions(mesh: TissueMesh, protocol: Protocol) -> FloatArray:
         InputError: no ray meets the skin.
     """
     direction, axes = protocol.unit_direction, plane_axes(protocol.unit_direction)
-    covered = mesh.target_points
+    covered = mesh.pressed_points
     low, high = (covered @ axes.T).min(axis=0), (covered @ axes.T).max(axis=0)
     if not mesh.n_parts:
         low, high = low + protocol.spacing, high - protocol.spacing

@@ -14,7 +14,7 @@ A step that does not converge is divided, again and again. Where that does not h
 an energy then governs, and the answer says that it did not converge.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -40,6 +40,8 @@ from mixpinn.reduced.row_products import block_of
 
 _CUTS = 5
 """A step may be halved so often."""
+_BACKWARDS = 0.2
+"""Skin whose unit normal has more than this along y goes on; what is turned farther away is an end of the body."""
 _EDGES = {3: ((0, 1), (1, 2), (2, 0)), 6: ((0, 1, 3), (1, 2, 4), (2, 0, 5))}
 """Edges of a face by its number of nodes: both ends, and the midpoint where there is one."""
 
@@ -53,7 +55,7 @@ class PriorContact:
 
     def __init__(
         self, points: FloatArray, faces: IntArray, nodes: IntArray, compliance: FloatArray,
-        config: PoseContactConfig | None = None,
+        config: PoseContactConfig | None = None, *, goes_on: IntArray | None = None,
     ) -> None:
         """Prepare.
 
@@ -64,6 +66,8 @@ class PriorContact:
             nodes: candidate contact nodes, ascending, shape (c,).
             compliance: displacement of the candidates under unit forces on them [mm/N], symmetric, shape (3 c, 3 c).
             config: how contact is solved.
+            goes_on: mesh nodes from which the skin that may be touched goes on beyond the candidates; None where that
+                is not known. The rim of the candidates is no rim of the skin where the body ends.
         """
         self.config, self.cuts = config or PoseContactConfig(), _CUTS
         self.nodes = np.asarray(nodes, dtype=np.int64)
@@ -76,13 +80,15 @@ class PriorContact:
         _, first, count = np.unique(np.sort(edges[:, :2], axis=1), axis=0, return_index=True, return_counts=True)
         self._rim = np.zeros(len(self.nodes), dtype=bool)
         self._rim[edges[first[count == 1]]] = True
+        if goes_on is not None:
+            self._rim &= np.isin(self.nodes, goes_on)
 
     @staticmethod
     def of_prior(prior: ElasticPrior, config: PoseContactConfig | None = None) -> "PriorContact":
         """Contact on the nodes of `prior`."""
         return PriorContact(
             prior.mesh.node_points, candidate_faces(prior.mesh, prior.nodes), prior.nodes,
-            prior.own_compliance, config,
+            prior.own_compliance, config, goes_on=_beyond(prior.mesh, prior.nodes),
         )
 
     def at_the_rim(self, nodes: IntArray) -> bool:
@@ -126,9 +132,12 @@ class PriorContact:
 
     def open(
         self, probes: Sequence[ProbeField], rotations: AnyArray, translations: AnyArray,
-        history: ContactHistory | None = None,
+        history: ContactHistory | None = None, *, check: Callable[[FloatArray], None] | None = None,
     ) -> ContactSession:
-        """Contact at the given poses, as a session that goes on from there. Arguments and errors are `solve`'s."""
+        """Contact at the given poses, as a session that goes on from there. Arguments and errors are `solve`'s.
+
+        `check` is told the depths beyond first touch (see `depth`) before anything is solved, and may refuse.
+        """
         rotations, translations = check_poses(len(probes), rotations, translations)
         if history is not None and len(history.translations) != len(probes):
             raise InputError(
@@ -142,6 +151,8 @@ class PriorContact:
             self._touch(*place) for place in zip(probes, rotations, translations, strict=True)
         ]
         depths = np.array([touch.max(initial=-np.inf) for touch in touches])
+        if check is not None:
+            check(depths)
         near = np.zeros(len(self._faces), dtype=bool)
         for place, touch in zip(zip(probes, rotations, translations, strict=True), touches, strict=True):
             near |= self._shadow(*place, touch)
@@ -230,3 +241,13 @@ def candidate_faces(mesh: TissueMesh, nodes: IntArray) -> IntArray:
     """Faces of the skin of `mesh` whose nodes are all among `nodes`, by mesh node, shape (t, 3) or (t, 6)."""
     faces = np.asarray(mesh.skin_node_faces, dtype=np.int64)
     return faces[np.isin(faces, nodes).all(axis=1)]
+
+
+def _beyond(mesh: TissueMesh, nodes: IntArray) -> IntArray:
+    """Nodes of the faces of the skin that are turned backwards as the probed ones are, but not all `nodes`."""
+    a, b, c = (mesh.points[mesh.skin_faces[:, corner]] for corner in range(3))
+    normal = np.cross(b - a, c - a)
+    backwards = normal[:, 1] > _BACKWARDS * np.linalg.norm(normal, axis=1)
+    others = ~np.isin(mesh.skin_node_faces, nodes).all(axis=1)
+    found: IntArray = np.unique(mesh.skin_node_faces[backwards & others])
+    return found

@@ -127,7 +127,7 @@ def _across(direction: FloatArray) -> FloatArray:
 
 
 def _extent(mesh: TissueMesh, direction: FloatArray) -> tuple[FloatArray, FloatArray]:
-    points = mesh.target_points @ _across(direction).T
+    points = mesh.pressed_points @ _across(direction).T
     return points.min(axis=0), points.max(axis=0)
 
 

@@ -59,6 +59,7 @@ class _About:
     corrected: bool
     domain: PoseDomain
     error: _Error | None
+    bend: Annotated[float, Field(ge=0.0, le=1.0)] = 1.0
 
 
 def save_pose_model(model: PoseModel, folder: Path | str) -> None:
@@ -78,6 +79,7 @@ def save_pose_model(model: PoseModel, folder: Path | str) -> None:
         "spacings": [probe.spacing for probe in model.probes],
         "contact": asdict(model.contact.config), "corrected": model.correction is not None,
         "domain": model.domain.as_dict(), "error": None if model.error is None else model.error.as_dict(),
+        "bend": model.bend,
     })
     seal = BUNDLE.seal_more if BUNDLE.is_sealed(folder) else BUNDLE.seal
     seal(folder, [POSE_FILE])
@@ -117,7 +119,7 @@ def load_pose_model(folder: Path | str, hybrid: HybridModel) -> PoseModel:
     except (KeyError, TypeError, ValueError) as wrong:
         raise InputError(str(path), expected="a complete pose model", got=repr(wrong), fix=_REMAKE) from wrong
     contact = PriorContact.of_prior(hybrid.prior, values.contact)
-    return PoseModel(hybrid, contact, probes, values.domain, correction, error, values.steps)
+    return PoseModel(hybrid, contact, probes, values.domain, correction, error, values.steps, values.bend)
 
 
 def _check(arrays: Mapping[str, AnyArray], specs: Mapping[str, ArraySpec], where: str, extents: dict[str, int]) -> None:

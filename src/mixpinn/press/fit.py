@@ -1,7 +1,8 @@
 """Fit what simulations teach about contact from the pose: the correction, the errors to expect, the poses learned from.
 
 Positions are left out in turn: the size of the correction is the one that serves best where it was not fitted, none
-where no size serves for sure, and the errors are those of predictions at positions left out.
+where no size serves for sure. The errors to expect are those of predictions at positions left out, with the size that
+serves best at all others: a choice flatters the residuals that it was made with.
 """
 
 from dataclasses import dataclass, replace
@@ -88,6 +89,26 @@ def collect(model: PoseModel, table: SampleTable, chosen: IntArray | None = None
     )
 
 
+def fitted_bend(model: PoseModel, table: SampleTable, *, most: int = 48) -> PoseModel:
+    """`model` with the part of the Newton step of contact, β, with which forces on the probe fit best.
+
+    Forces change nearly in proportion to β, from f⁰ of the linear body to f¹ of the whole step: least squares of
+    f⁰ + β (f¹ − f⁰) against simulated forces, relative to these, on at most `most` samples spread over the table.
+    """
+    chosen = np.unique(np.linspace(0, len(table) - 1, min(most, len(table))).astype(np.int64)) if len(table) else []
+    whole, linear = replace(model, bend=1.0), replace(model, steps=0)
+    up, down = 0.0, 0.0
+    for i in track(list(chosen), "contact of the bent body"):
+        pose = table.probe_rotation[i][None], table.probe_translation[i][None]
+        first, second = (each.uncorrected(*pose).contact for each in (linear, whole))
+        true = table.probe_wrench[i, :3]
+        if first.converged and second.converged and np.linalg.norm(true) > 0.0:
+            way = (second.wrench[0, :3] - first.wrench[0, :3]) / np.linalg.norm(true)
+            up += float(way @ (true - first.wrench[0, :3])) / float(np.linalg.norm(true))
+            down += float(way @ way)
+    return replace(model, bend=float(np.clip(up / down, 0.0, 1.0))) if down > 1e-12 else model
+
+
 def fit_pose(
     model: PoseModel, samples: PoseSamples, *, n_modes: int = 32, folds: int = 8, seed: int = 0,
 ) -> PoseModel:
@@ -114,7 +135,7 @@ def fit_pose(
     weights = model.hybrid.prior.coordinates.weights
     modes = principal_modes(samples.missed, weights, n_modes, rng=np.random.default_rng(seed))
     targets = np.concatenate([coefficients(modes, weights, samples.missed), samples.missed_wrench], axis=1)
-    best: list[tuple[float, float, PoseCorrection, FloatArray]] = []
+    candidates: list[tuple[FloatArray, FloatArray, PoseCorrection, FloatArray]] = []
     for size in SIZES:
         k = min(size, samples.coordinates.shape[1])
         scale = (samples.coordinates[:, :k].std(axis=0) + 1e-12).astype(np.float32)
@@ -127,23 +148,40 @@ def fit_pose(
                 left[out] = features[out] @ ridge(known, targets[~out], penalty=strength, scale=column_norms(known))
             solved = ridge(features, targets, penalty=strength, scale=column_norms(features))
             rest = targets - left
-            field_error, force_error = (float(np.linalg.norm(rest[:, of], axis=1).mean()) for of in (FIELD, FORCE))
+            field_error, force_error = (np.linalg.norm(rest[:, of], axis=1) for of in (FIELD, FORCE))
             gain = solved[:, FIELD].astype(np.float32)
             found = PoseCorrection(modes, gain, solved[:, -6:], scale, np.full(2, np.inf))
-            best.append((field_error, force_error, found, left))
-    field, force = min(best, key=lambda found: found[0]), min(best, key=lambda found: found[1])
-    left = np.concatenate([field[3][:, :-6], force[3][:, -6:]], axis=1)
+            candidates.append((field_error, force_error, found, left))
+    errors = np.array([[field_error, force_error] for field_error, force_error, _, _ in candidates])
+    field, force = (candidates[int(of.mean(axis=1).argmin())][2] for of in errors.transpose(1, 0, 2))
+    left = _blind(errors, [candidate[3] for candidate in candidates], fold)
     if not _helps(targets[:, FIELD], left[:, FIELD], part):
         left[:, :-6] = 0.0
-        field[2].gain[:] = 0.0
+        field.gain[:] = 0.0
     if not _helps(targets[:, FORCE], left[:, FORCE], part):
         left[:, -6:] = 0.0
-        force[2].wrench_gain[:] = 0.0
+        force.wrench_gain[:] = 0.0
     # One set of features serves both: coordinates of the larger choice, with zero rows where the other has none.
-    correction = replace(_joined(field[2], force[2]), largest=_largest(model, samples, targets))
+    correction = replace(_joined(field, force), largest=_largest(model, samples, targets))
     depths = np.array([base.contact.depths[0] for base in samples.base])
     domain = PoseDomain.of_samples(model.hybrid.mesh, samples.rotations, samples.translations, depths)
     return replace(model, correction=correction, domain=domain, error=_calibrate(model, samples, modes, left))
+
+
+def _blind(errors: FloatArray, left: list[FloatArray], fold: IntArray) -> FloatArray:
+    """Corrections of each fold by the candidate that serves best on all other folds, shape (N, t).
+
+    Args:
+        errors: of the field and of the force of each candidate at positions left out, shape (c, 2, N).
+        left: corrections by each candidate at positions left out, c arrays (N, t), the last six columns the wrench.
+        fold: of each sample, shape (N,).
+    """
+    found = np.empty_like(left[0])
+    for one in np.unique(fold):
+        out = fold == one
+        field, force = errors[:, :, ~out].mean(axis=2).argmin(axis=0)
+        found[out] = np.concatenate([left[field][out, :-6], left[force][out, -6:]], axis=1)
+    return found
 
 
 def _helps(targets: FloatArray, left: FloatArray, part: IntArray) -> bool:

@@ -5,9 +5,10 @@ Newton step of the true equilibrium from there, restricted to the patch of skin,
 
     s = −C_Pᵀ r(q⁰),    r the residual with λ⁰ among the forces,
 
-and contact goes on from where it is to equilibrium with y = s − W λ. The displacement of the loaded nodes then goes to
-the hybrid model, as one that was given would. What is left comes from contact, not from the body: it is learned from
-simulations as
+and contact goes on from where it is to equilibrium with y = β s − W λ. Tissue that stiffens as it is pressed makes the
+step too long: β ≤ 1 is the part of it with which forces fit simulations best. The displacement of the loaded nodes
+then goes to the hybrid model, as one that was given would. What is left comes from contact, not from the body: it is
+learned from simulations as
 
     q = q_hybrid + Ωᵀ H φ,    w = w¹ + K φ_p,    φ = [a, a ⊗ a],
 
@@ -16,8 +17,9 @@ hybrid model leaves on its own contact, and H, K ridge regressions. There is no 
 moves. The twists in q move the rigid parts by finite rotations.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -131,6 +133,7 @@ class PoseModel:
         correction: learned from simulations, if any.
         error: which errors to expect, where the model was calibrated.
         steps: Newton steps of contact; 0 leaves it on the linear body.
+        bend: β, the part of a Newton step that contact takes.
     """
 
     hybrid: HybridModel
@@ -140,6 +143,7 @@ class PoseModel:
     correction: PoseCorrection | None = None
     error: PoseErrorLaw | None = None
     steps: int = 1
+    bend: float = 1.0
 
     def predict(
         self, rotations: AnyArray, translations: AnyArray, *, probes: Sequence[int] | None = None,
@@ -168,8 +172,7 @@ class PoseModel:
         chosen = range(len(np.asarray(translations))) if probes is None else probes
         fields = [self.probes[i] for i in chosen]
         turns, places = check_poses(len(fields), rotations, translations)
-        self.domain.refuse_nonsense(turns, self.contact.depth(fields, turns, places))
-        return self._touch(turns, places, fields, history)
+        return self._touch(turns, places, fields, history, check=partial(self.domain.refuse_nonsense, turns))
 
     def deform(self, touch: Touch) -> PosePrediction:
         """The second part of a prediction, the body under a contact that `touch` found."""
@@ -254,15 +257,15 @@ class PoseModel:
 
     def _touch(
         self, rotations: FloatArray, translations: FloatArray, fields: Sequence[ProbeField],
-        history: ContactHistory | None,
+        history: ContactHistory | None, *, check: Callable[[FloatArray], None] | None = None,
     ) -> Touch:
         """Contact on the body as one Newton step bends it."""
-        session = self.contact.open(fields, rotations, translations, history)
+        session = self.contact.open(fields, rotations, translations, history, check=check)
         bent = 0.0
         for _ in range(self.steps):
             if not session.force.any():
                 break
-            shift = self._shift(session)
+            shift = self.bend * self._shift(session)
             bent = float(np.sqrt((shift**2).sum(axis=1).mean()))
             session = session.shifted(shift)
         return Touch(rotations, translations, session.outcome(), bent)

@@ -35,6 +35,8 @@ FACE_QUARTERS = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]])
 """The four triangles between the nodes of a six-node face, oriented as the face."""
 
 
+BESIDE = 25.0
+"""Bones as far as this beside the targets, along x and z, are pressed too [mm]."""
 _REMAKE = "make or export the mesh again"
 
 
@@ -141,6 +143,17 @@ class TissueMesh:
         chosen = aimed if aimed.any() else self.part > 0
         points: FloatArray = self.points[chosen] if chosen.any() else self.points
         return points
+
+    @property
+    def pressed_points(self) -> FloatArray:
+        """Vertices over which a probe presses [mm]: `target_points`, and those of other parts close beside them.
+
+        Of the first and the last bone above and below the targets a probe over these presses a good part too.
+        """
+        targets = self.target_points
+        low, high = targets.min(axis=0) - BESIDE, targets.max(axis=0) + BESIDE
+        near = ((self.points >= low) & (self.points <= high))[:, [0, 2]].all(axis=1) & (self.part > 0)
+        return np.concatenate([targets, self.points[near]])
 
     @cached_property
     def held_parts(self) -> BoolArray:

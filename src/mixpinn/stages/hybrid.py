@@ -15,7 +15,7 @@ from mixpinn.fem import ContactConfig, LocalRefinement, Material
 from mixpinn.press.contact import PriorContact
 from mixpinn.press.domain import PoseDomain
 from mixpinn.press.files import save_pose_model
-from mixpinn.press.fit import collect, fit_pose
+from mixpinn.press.fit import collect, fit_pose, fitted_bend
 from mixpinn.press.model import PoseModel
 from mixpinn.press.records import PoseContactConfig
 from mixpinn.records import MESH_FILE, Probe, SampleTable
@@ -109,7 +109,7 @@ def fit_pose_model(
     model: HybridModel, probe: Probe, contact: ContactConfig, table: SampleTable,
 ) -> PoseModel:
     """Contact from the pose with what the samples of `table` teach about it, and the errors to expect."""
-    plain = plain_pose_model(model, probe, contact)
+    plain = fitted_bend(plain_pose_model(model, probe, contact), table)
     return fit_pose(plain, collect(plain, table))
 
 
