@@ -95,7 +95,7 @@ def fitted_bend(model: PoseModel, table: SampleTable, *, most: int = 48) -> Pose
     Forces change nearly in proportion to β, from f⁰ of the linear body to f¹ of the whole step: least squares of
     f⁰ + β (f¹ − f⁰) against simulated forces, relative to these, on at most `most` samples spread over the table.
     """
-    chosen = np.unique(np.linspace(0, len(table) - 1, min(most, len(table))).astype(np.int64)) if len(table) else []
+    chosen = np.unique(np.linspace(0.0, max(len(table) - 1, 0), min(most, len(table))).astype(np.int64))
     whole, linear = replace(model, bend=1.0), replace(model, steps=0)
     up, down = 0.0, 0.0
     for i in track(list(chosen), "contact of the bent body"):
