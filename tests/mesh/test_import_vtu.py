@@ -106,6 +106,15 @@ def test_unknown_part_labels(grid, tmp_path):
         import_vtu(save(grid, tmp_path))
 
 
+@pytest.mark.parametrize("names", [["a", "a"], ["", "b"]])
+def test_names_of_parts_differ(grid, tmp_path, names):
+    grid.point_data["part"][0] = 2
+    path = save(grid, tmp_path)
+    with pytest.raises(InputError, match="a name of its own for each rigid part"):
+        import_vtu(path, rigid_names=names)
+    assert import_vtu(path, rigid_names=["a", "b"]).rigid_names == ("a", "b")
+
+
 def test_part_without_nodes(grid, tmp_path):
     with pytest.raises(InputError, match="no node with part label"):
         import_vtu(save(grid, tmp_path), rigid_names=["block", "ghost"])

@@ -51,6 +51,47 @@ def test_counts_that_are_not_there(grid, tmp_path, kind, sound, damaged):
     refused(read_tetrahedra, path)
 
 
+GMSH_4 = """$MeshFormat
+4.1 0 8
+$EndMeshFormat
+$Entities
+0 0 1 1
+5 0 0 0 100 100 0 0 0
+1 0 0 0 100 100 100 0 1 -5
+$EndEntities
+$Nodes
+1 5 1 5
+3 1 0 5
+1
+2
+3
+4
+5
+0 0 0
+100 0 0
+0 100 0
+0 0 100
+100 100 100
+$EndNodes
+$Elements
+2 3 1 3
+2 5 2 1
+1 1 2 3
+3 1 4 2
+2 1 2 3 4
+3 2 3 4 5
+$EndElements
+"""
+"""As Gmsh writes it: a volume with the tags of the surfaces round it."""
+
+
+def test_a_mesh_of_gmsh_in_version_4(tmp_path):
+    (tmp_path / "a.msh").write_text(GMSH_4)
+    found = read_tetrahedra(tmp_path / "a.msh")
+    assert found.cells_dict[pv.CellType.TETRA].tolist() == [[0, 1, 2, 3], [1, 2, 3, 4]]
+    assert found.points[4].tolist() == [100.0, 100.0, 100.0]
+
+
 @pytest.mark.parametrize("binary", [False, True])
 @pytest.mark.parametrize("kind", ["vtu", "vtk"])
 def test_meshes_that_were_cut_short(grid, tmp_path, kind, binary):

@@ -151,6 +151,11 @@ def _parts(grid: pv.UnstructuredGrid, names: Sequence[str] | None, what: str) ->
         names = [str(name) for name in grid.field_data["rigid_names"] if str(name)]
     if names is None:
         names = [f"part {k}" for k in range(1, int(part.max()) + 1)]
+    if not all(names) or len(set(names)) < len(names):
+        raise InputError(
+            what, expected="a name of its own for each rigid part", got=", ".join(map(repr, names))[:200],
+            fix="give rigid_names that differ",
+        )
     unknown = sorted(set(np.unique(part).tolist()) - set(range(len(names) + 1)))
     absent = sorted(set(range(1, len(names) + 1)) - set(np.unique(part).tolist()))
     if unknown or absent:

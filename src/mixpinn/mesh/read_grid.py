@@ -72,7 +72,8 @@ def _read(path: Path) -> tuple[dict[str, AnyArray], Any]:
     try:
         arrays, about = read_apart(grid_arrays, path)
     except ValueError as error:
-        raise InputError(str(path), expected=_EXPECTED, got=str(error), fix=_FIX) from error
+        fix = _FIX + (", or from Gmsh in version 2.2 (-format msh2)" if suffix == ".msh" else "")
+        raise InputError(str(path), expected=_EXPECTED, got=str(error), fix=fix) from error
     corners, offsets, count = arrays["connectivity"], arrays["offsets"], len(arrays["types"])
     specs = {
         "points": ArraySpec("number", ("points", 3)), "types": ArraySpec("index", ("cells",), low=0),

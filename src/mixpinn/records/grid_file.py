@@ -64,6 +64,9 @@ def _through_meshio(path: Path) -> Any:
 
     try:
         with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
-            return meshio.read(path)
+            mesh = meshio.read(path)
     except SystemExit as error:  # its way to say that a file cannot be read
         raise ValueError(f"not a file of type {path.suffix.lower()}") from error
+    # Tags of the surfaces round each of Gmsh's volumes, which pyvista would take for indices of cells.
+    mesh.cell_sets.pop("gmsh:bounding_entities", None)
+    return mesh
