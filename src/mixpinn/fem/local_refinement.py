@@ -23,7 +23,11 @@ import numpy as np
 from mixpinn.base.arrays import FloatArray
 from mixpinn.base.sensible import not_negative, positive, require_settings
 from mixpinn.mesh.cells.bisect import refine_to
+from mixpinn.physics.face_points import FacePoints
 from mixpinn.records import Probe, ProbePath, TissueMesh
+
+_SPACING = 3.0
+"""Of the points on the skin that tell how far up it reaches beside a probe [mm]."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +66,8 @@ def refine_under(mesh: TissueMesh, probe: Probe, path: ProbePath, config: LocalR
         path: its poses.
         config: how fine.
     """
-    skin = mesh.points[np.unique(mesh.skin_faces)]
+    spots = FacePoints.build(mesh.skin_faces, mesh.points[mesh.skin_faces], spacing=_SPACING)
+    skin = np.einsum("pw,pwk->pk", spots.weights, mesh.points[spots.vertices])
     boxes = [_box(skin, probe, turn, tip) for turn, tip in zip(path.rotations, path.translations, strict=True)]
 
     def length(points: FloatArray) -> FloatArray:

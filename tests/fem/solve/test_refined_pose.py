@@ -62,6 +62,23 @@ def test_cells_are_finer_under_the_probe_only() -> None:
     assert_allclose(fine.cell_volumes.sum(), np.prod(SIZE))
 
 
+def test_skin_without_a_vertex_under_the_probe_is_found() -> None:
+    """A path that is told by its end alone, over faces larger than the probe."""
+    mesh = labelled(*_plain(block((1, 1, 1), size=(120.0, 60.0, 120.0))))
+    tip = np.array([60.0, 52.0, 60.0])
+    end = ProbePath(tip[None], np.eye(3)[None], np.array([8.0]))
+    fine = refine_under(mesh, TOOL, end, LocalRefinement(8.0, 1.0))
+    length = np.linalg.norm(np.diff(fine.points[fine.edges], axis=1)[:, 0], axis=1)
+    middle = fine.points[fine.edges].mean(axis=1)
+    under = (np.abs(middle - tip)[:, [0, 2]] < [15.0, 4.0]).all(axis=1) & (middle[:, 1] > 59.0)
+    assert under.sum() > 3
+    assert length[under].max() <= 8.0 + 1e-9
+
+
+def _plain(mesh: TissueMesh) -> tuple[np.ndarray, np.ndarray]:
+    return mesh.points, mesh.cells
+
+
 @pytest.mark.parametrize("order", [1, 2])
 def test_forces_keep_their_resultant_and_their_virtual_work(order: int) -> None:
     base = bed(order)
