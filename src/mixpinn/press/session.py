@@ -144,7 +144,9 @@ class ContactSession:
                 continue
             force = self.pull[i, on]
             wrench[i, :3] = -force.sum(axis=0)
-            wrench[i, 3:] = -np.cross(places[on] - placed.translations[i], force).sum(axis=0)
+            turning = np.einsum("pi,pj->ij", places[on] - placed.translations[i], force)  # Σ rᵢ fⱼ
+            turning = turning.T - turning
+            wrench[i, 3:] = turning[1, 2], turning[2, 0], turning[0, 1]  # −Σ r × f
             np.add.at(shares[i], self.stencil[on], weights[on][..., None] * force[:, None])
             held = stiffness[on] * np.linalg.norm(self.slip[i, on], axis=1)
             slides = held >= contact.config.friction * self.push[i, on] * (1.0 - 1e-9)
