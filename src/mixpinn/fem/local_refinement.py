@@ -29,6 +29,9 @@ from mixpinn.records import Probe, ProbePath, TissueMesh
 _SPACING = 3.0
 """Of the points on the skin that tell how far up it reaches beside a probe [mm]."""
 
+_DEEPEST = 60.0
+"""Skin farther above a probe's tip is not what it has pushed away [mm]."""
+
 
 @dataclass(frozen=True)
 class LocalRefinement:
@@ -83,10 +86,10 @@ def refine_under(mesh: TissueMesh, probe: Probe, path: ProbePath, config: LocalR
 
 def _box(skin: FloatArray, probe: Probe, rotation: FloatArray, tip: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Where the resting skin lies that a placed probe has pushed away, in its frame: corners of a box [mm], (3,)."""
-    local, bottom = (skin - tip) @ rotation, probe.points[:, 1].min()
+    local, bottom = (skin - tip) @ rotation, float(probe.points[:, 1].min())
     low, high = probe.points.min(axis=0), probe.points.max(axis=0)
-    beneath = ((local >= low) & (local <= high))[:, [0, 2]].all(axis=1) & (local[:, 1] <= high[1])
-    height = float(np.clip(local[beneath, 1].max(initial=bottom), bottom, high[1]))
+    beneath = ((local >= low) & (local <= high))[:, [0, 2]].all(axis=1) & (local[:, 1] <= bottom + _DEEPEST)
+    height = float(local[beneath, 1].max(initial=bottom))  # it may be above all of the probe
     part = probe.points[probe.points[:, 1] <= height + 1.0]
     low, high = part.min(axis=0), part.max(axis=0)
     low[1], high[1] = bottom, height

@@ -15,7 +15,7 @@ from mixpinn.fem.scene_record import recorded_refinement, scene_record
 from mixpinn.fem.solve.refined_pose import Injection, extrapolate
 from mixpinn.geometry.probe_shapes import linear_probe
 from mixpinn.mesh import refine
-from mixpinn.records import ProbePath, Simulation, TissueMesh
+from mixpinn.records import Probe, ProbePath, Simulation, TissueMesh
 
 SIZE = (54.0, 24.0, 42.0)
 MIDDLE = np.array([25.0, 26.0, 23.0])
@@ -62,12 +62,15 @@ def test_cells_are_finer_under_the_probe_only() -> None:
     assert_allclose(fine.cell_volumes.sum(), np.prod(SIZE))
 
 
-def test_skin_without_a_vertex_under_the_probe_is_found() -> None:
-    """A path that is told by its end alone, over faces larger than the probe."""
+@pytest.mark.parametrize("flat", [False, True])
+def test_skin_that_has_no_vertex_under_the_probe_or_lies_above_all_of_it_is_found(flat: bool) -> None:
+    """A path told by its end alone, over faces larger than the probe, which may be lower than it is deep."""
     mesh = labelled(*_plain(block((1, 1, 1), size=(120.0, 60.0, 120.0))))
-    tip = np.array([60.0, 52.0, 60.0])
-    end = ProbePath(tip[None], np.eye(3)[None], np.array([8.0]))
-    fine = refine_under(mesh, TOOL, end, LocalRefinement(8.0, 1.0))
+    tip = np.array([60.0, 48.0, 60.0])
+    end = ProbePath(tip[None], np.eye(3)[None], np.array([12.0]))
+    tool = Probe(TOOL.points * [1.0, 0.1, 1.0], TOOL.triangles) if flat else TOOL
+    assert not flat or tool.points[:, 1].max() < 12.0
+    fine = refine_under(mesh, tool, end, LocalRefinement(8.0, 1.0))
     length = np.linalg.norm(np.diff(fine.points[fine.edges], axis=1)[:, 0], axis=1)
     middle = fine.points[fine.edges].mean(axis=1)
     under = (np.abs(middle - tip)[:, [0, 2]] < [15.0, 4.0]).all(axis=1) & (middle[:, 1] > 59.0)
