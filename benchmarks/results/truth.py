@@ -6,7 +6,7 @@ from pathlib import Path
 from benchmarks.results.section import Data, Section, table
 
 DEPTHS = ("5 mm", "10 mm", "15 mm", "20 mm")
-LEVELS = ("linear", "linear halved", "quadratic", "quadratic halved")
+BASE = ("linear", "linear halved", "quadratic", "quadratic halved")
 POSES = tuple(f"({place}), {turn}°" for place in ("30, 133, −55", "50, 133, −15", "50, 133, 25") for turn in (0, 90))
 
 
@@ -19,11 +19,18 @@ def collect(entries: list[str], images: Path) -> Data:
     return {"meshes": meshes}
 
 
+def levels(named: Data) -> list[str]:
+    """The cells that there are figures for: the mesh as it is, edges under the probe, what pairs of them tend to."""
+    finer = [level for level in named if level not in BASE]
+    finer.sort(key=lambda level: ("extrapolated" in level, -float(level.split()[2])))
+    return [level for level in BASE if level in named] + finer
+
+
 def forces(values: Data) -> str:
     """Probe forces of every level and pose that were solved."""
     rows = [
         (POSES[int(number)], level, *(f"{force:.2f}" for force in (*reached, *[float("nan")] * 4)[:4]))
-        for number in map(str, range(len(POSES))) for level in LEVELS
+        for number in map(str, range(len(POSES))) for level in levels(values["forces"])
         for reached in [values["forces"].get(level, {}).get(number)] if reached
     ]
     text = table(("Position, rotation", "Cells", *DEPTHS), rows, numeric_from=2)
@@ -36,13 +43,15 @@ def errors(values: Data) -> str:
         return "No converged solution on these facets yet.\n"
     rows = [
         (level, f"{100 * row['force']:.1f}", f"{row['vertebra_mm']:.3f}", f"{row['field_mm']:.3f}")
-        for level in LEVELS for row in [values["rows"].get(level)] if row
+        for level in levels(values["rows"]) for row in [values["rows"][level]]
     ]
     unsure = values["uncertainty"]
+    doubt = "" if unsure.get("force") is None else (
+        f"; the next pair of lengths tends to values up to {100 * unsure['force']:.1f} % of the force and "
+        f"{unsure['vertebra_mm']:.3f} mm of a vertebra's motion away from it, its uncertainty"
+    )
     return (
-        f"Against the solution with {values['reference']}, over {values['poses']} pose(s) at the depths that the "
-        f"halved mesh reached; that solution is itself uncertain by {100 * unsure['force']:.1f} % of the force and "
-        f"{unsure['vertebra_mm']:.3f} mm of a vertebra's motion:\n\n"
+        f"Against {values['reference']}, over {values['poses']} pose(s){doubt}:\n\n"
         + table(("Cells", "Force [%]", "Vertebra [mm]", "Field, mean [mm]"), rows)
     )
 
@@ -52,8 +61,9 @@ def render(data: Data) -> str:
     lines = [
         "## How far the solver is from the converged solution\n",
         "Command: `python -m benchmarks.truth --mesh MESH` on patient1, tissue constants of the paper, forces in N; "
-        "*halved* is the same mesh with every edge halved, on the same facets. A dash is a depth that was not "
-        "reached.\n",
+        "*halved* is the same mesh with every edge halved; *edges of h mm* are quadratic cells refined under the probe "
+        "until no edge there is longer; all on the same facets. The error falls with h, so that two lengths tell what "
+        "they tend to. A dash is a depth that was not reached.\n",
     ]
     for words, values in data["meshes"].items():
         lines += [f"### {words}\n", errors(values), forces(values)]
@@ -74,11 +84,11 @@ def brief(data: Data) -> str:
                 "ones on the same mesh."
             )
         if values["rows"]:
+            rows, unsure = values["rows"], values["uncertainty"].get("force")
             lines.append(
-                f"- {words}, against the extrapolated solution on these facets ({values['poses']} pose): force off by "
-                + ", ".join(f"{100 * values['rows'][level]['force']:.0f} % ({level})" for level in LEVELS
-                            if level in values["rows"])
-                + f"; that solution is uncertain by {100 * values['uncertainty']['force']:.0f} %."
+                f"- {words}, against {values['reference']} ({values['poses']} poses): force off by "
+                + ", ".join(f"{100 * rows[level]['force']:.0f} % ({level})" for level in levels(rows))
+                + ("." if unsure is None else f"; that solution is uncertain by {100 * unsure:.0f} %.")
             )
     return "\n".join(lines) + "\n"
 

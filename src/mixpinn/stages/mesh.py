@@ -109,10 +109,11 @@ PATIENT_CELLS = MeshConfig(element="quadratic", size=2.0)
 """What a predictor for a patient is made on by default.
 
 Measured on patient1 (``docs/results/truth.md``): linear cells of size 1 press back 1.53 to 1.63 times as hard as
-quadratic ones on the same mesh. Quadratic cells of size 2 are 28 % too hard against their converged solution, linear
-cells of half their length, seven times as many, 55 %. Finer quadratic cells are nearer still (size 1.5: 21 %), but a
-predictor keeps a compliance of all nodes of the probed skin, which grows with the square of their number: 0.4 GB at
-size 2, 0.9 GB at size 1.5.
+quadratic ones on the same mesh. Quadratic cells of size 2 are up to 39 % too hard against their converged solution,
+linear cells of half their length, seven times as many, 70 %. What is missing is missed under the probe. Finer cells
+everywhere cost more than they help: a predictor keeps a compliance of all nodes of the probed skin, which grows with
+the square of their number (0.4 GB at size 2, 0.9 GB at size 1.5). `mixpinn.fem.LocalRefinement` makes cells finer where
+the probe is.
 """
 
 

@@ -216,7 +216,8 @@ def _with_doubts(mesh: TissueMesh, noticed: Sequence[str]) -> TissueMesh:
     for line in noticed:
         console.print(f"[yellow]warning[/]: {line}", soft_wrap=True)
     kept = tuple(doubt for doubt in mesh.doubts if not doubt.startswith(_PROBE))
-    return replace(mesh, doubts=(*kept, *(_PROBE + line for line in noticed)))
+    doubts = (*kept, *(_PROBE + line for line in noticed))
+    return mesh if doubts == mesh.doubts else replace(mesh, doubts=doubts)
 
 
 def for_patients(config: SimulationConfig, soft_names: Sequence[str]) -> SimulationConfig:
