@@ -58,6 +58,8 @@ POSITIONS = np.array([[30.0, 133.0, -55.0], [50.0, 133.0, -15.0], [50.0, 133.0, 
 ROTATIONS = (0.0, 90.0)
 DEPTHS = np.array([5.0, 10.0, 15.0, 20.0])
 POSES = list(product(range(len(POSITIONS)), ROTATIONS))
+
+
 @dataclass(frozen=True, eq=False)
 class Press:
     """One pose on one discretisation at the depths `DEPTHS` that converged; d depths, K parts, n vertices of the mesh.

@@ -13,7 +13,7 @@ from mixpinn.base.arrays import AnyArray, Float32Array, FloatArray, IntArray
 from mixpinn.base.errors import InputError
 from mixpinn.geometry.probe_pose import probe_rotation
 from mixpinn.records import TissueMesh
-from mixpinn.records.answer import Answer, Contact, Source, Trust
+from mixpinn.records.answer import Answer, Contact, Source, Trust, discretisation_of
 from mixpinn.records.error_budget import ErrorBudget, TotalError
 from mixpinn.reduced.hybrid import POSE_FILE, HybridModel, HybridState, load_bundle_mesh
 from mixpinn.serving.bundle_budget import load_budget
@@ -301,7 +301,7 @@ class HybridPredictor:
             self.mesh, field, Source.REFINED, model=f"{self.name}, refined",
             motions=motions_of_field(self.mesh, field), contact=Contact(*self._checked(nodes, displacements)),
             trust=Trust(converged=bool(residuals[-1] <= SolverConfig().tolerance), residual=float(residuals[-1])),
-            discretisation=self._discretisation,
+            discretisation=discretisation_of(self.mesh),
         )
         return answer, residuals
 

@@ -292,17 +292,21 @@ class QuasiStaticSolver:
         # else it is where the skin is. A start without forces would let the skin spring back through the probe.
         gap, compliance = problem.model.config.gap, self._inverse.compliance
         solve = partial(solve_condensed, compliance, free, largest_move=0.3 * gap)
-        rest = np.asarray(np.linalg.solve(compliance, free), dtype=np.float64)
         near = np.abs(free - np.einsum("ij,j->i", compliance, self._force)).max(initial=0.0) < 0.25 * gap
-        starts = ([self._force] if near else []) + ([] if first else [rest])
-        for start in starts[:: 1 if first else -1]:
+
+        def still() -> FloatArray:
+            """The forces that leave the skin where it is."""
+            return np.asarray(np.linalg.solve(compliance, free), dtype=np.float64)
+
+        starts = [self._force] if near else []
+        for start in starts if first else [still(), *starts]:
             found = solve(law, start=start, max_iterations=_CONTACT_ITERATIONS)
             self.effort.contact_iterations += found.iterations
             if found.converged:
                 self._force = found.force
                 return found.force
         # Deep in the probe the curvature of its distance outweighs the body; where contact gives way it does not.
-        start = rest
+        start = still()
         for share in _SHARES:
             found = solve(partial(law, share=share), start=start, tolerance=1e-10 if share == 1.0 else 1e-3)
             self.effort.contact_iterations += found.iterations
