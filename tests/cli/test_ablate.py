@@ -7,10 +7,10 @@ import time
 
 import pytest
 
+from children import PATIENCE
 from mixpinn.records import SampleTable
 from pipeline.chain import command, contents, done
 
-PATIENCE = 600.0
 SETTINGS = {
     "models": ["row-10"], "repeated": [], "seeds": [3], "few_positions": [2], "hidden": 4, "physgnn_hidden": 4,
     "passes": 24, "deepest_seen": 2.0, "unseen_rotations": [], "other_probe": {"rotations": [0.0]},

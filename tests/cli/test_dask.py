@@ -9,10 +9,10 @@ import time
 import numpy as np
 import pytest
 
+from children import PATIENCE
 from mixpinn.dataset import PoseState, SimulationStore
 
 distributed = pytest.importorskip("distributed")
-PATIENCE = 120.0
 
 
 def test_killed_dask_worker_loses_no_finished_pose_and_no_data(chain, tmp_path):

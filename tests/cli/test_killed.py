@@ -8,10 +8,9 @@ import time
 
 import numpy as np
 
+from children import PATIENCE
 from mixpinn.dataset import PoseState, SimulationStore
 from pipeline.chain import done
-
-PATIENCE = 120.0
 
 
 def states(folder):

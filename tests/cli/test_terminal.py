@@ -8,13 +8,13 @@ import time
 
 import pytest
 
-PATIENCE = 90.0
+from children import PATIENCE, hear_interrupts
 
 
 def start(*words, **environment):
     return subprocess.Popen(
         [sys.executable, "-m", "mixpinn.cli", *map(str, words)], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-        start_new_session=True, env={**os.environ, **environment},
+        start_new_session=True, preexec_fn=hear_interrupts, env={**os.environ, **environment},
     )
 
 

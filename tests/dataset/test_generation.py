@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from children import PATIENCE, hear_interrupts
 from dataset.dataset_fakes import SHORT, FakeScene, block, fake_runner, short_store
 from mixpinn.base.errors import InputError
 from mixpinn.dataset import GenerationSummary, Pose, PoseState, SimulationStore, generate
@@ -116,13 +117,13 @@ def test_interrupt_stops_all_workers_and_keeps_what_is_done(tmp_path, log):
     (tmp_path / "interrupted.py").write_text(script)
     process = subprocess.Popen(
         [sys.executable, str(tmp_path / "interrupted.py")], stdout=subprocess.PIPE, text=True, start_new_session=True,
-        env={**os.environ, "PYTHONPATH": PATHS},
+        preexec_fn=hear_interrupts, env={**os.environ, "PYTHONPATH": PATHS},
     )
     while not any(path.name.startswith("pose_000_090") for path in log.iterdir()):
         assert process.poll() is None
         time.sleep(0.02)
     process.send_signal(signal.SIGINT)
-    output, _ = process.communicate(timeout=60)
+    output, _ = process.communicate(timeout=PATIENCE)
     assert output.split() == ["interrupted", "0"]
     assert states(store) == ["done", *["missing"] * 5]
     assert GenerationSummary.load(store.folder / "summary.json").done == 1

@@ -17,12 +17,9 @@ from typing import Any
 import numpy as np
 from safetensors.numpy import load_file
 
+from children import hear_interrupts
 from mixpinn.dataset import SimulationStore
 
-TIMEOUT = 40.0
-"""Setting of every time-out [s]: a worker that is stopped is found out after so long; machines in use are slow."""
-PATIENCE = 600.0
-"""After which a command hangs [s], on a machine that is used by others, too."""
 SAID = "stopped; the same command goes on from here"
 _VOLATILE = re.compile(
     r"second|minute|after_labels|started|finished|command|version|time|_ms$|peak_mb|\[ms\]|\[MB\]|input_paths|attempts"
@@ -53,6 +50,26 @@ class Verb:
         return [sys.executable, "-m", "mixpinn.cli", *self.words, *out]
 
 
+@dataclass(frozen=True)
+class Pace:
+    """How fast this machine is at the moment.
+
+    Attributes:
+        seconds: from start to end of one small command that is left alone [s].
+    """
+
+    seconds: float
+
+    @property
+    def timeout(self) -> float:
+        """Setting of the time-outs [s]: a worker that is stopped is found out after so long, a slow one is not."""
+        return max(10.0, 8.0 * self.seconds)
+
+    def patience(self, alone: float) -> float:
+        """After which a command hangs [s] that takes `alone` [s] when it is left alone and may wait for time-outs."""
+        return 12.0 * self.timeout + 20.0 * alone
+
+
 def start(verb: Verb, folder: Path) -> subprocess.Popen[bytes]:
     """The command in a session of its own, with temporary files of its own."""
     (folder / "tmp").mkdir(parents=True, exist_ok=True)
@@ -63,26 +80,21 @@ def start(verb: Verb, folder: Path) -> subprocess.Popen[bytes]:
     )
 
 
-def hear_interrupts() -> None:
-    """Ctrl-C is heard even where this drill runs in the background of a shell, which has it ignored."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
-
-
-def finish(process: subprocess.Popen[bytes]) -> tuple[int, str, str]:
+def finish(process: subprocess.Popen[bytes], patience: float) -> tuple[int, str, str]:
     """Exit code, standard output and standard error; a process that hangs fails the drill."""
     try:
-        out, err = process.communicate(timeout=PATIENCE)
+        out, err = process.communicate(timeout=patience)
     except subprocess.TimeoutExpired:
         os.killpg(process.pid, signal.SIGKILL)
         process.communicate()
-        raise AssertionError(f"still running after {PATIENCE:g} s: {process.args}") from None
+        raise AssertionError(f"still running after {patience:.0f} s: {process.args}") from None
     return process.returncode, out.decode(errors="replace"), err.decode(errors="replace")
 
 
-def whole(verb: Verb, folder: Path) -> tuple[float, str]:
+def whole(verb: Verb, folder: Path, patience: float = 1800.0) -> tuple[float, str]:
     """Run to the end; how long that took [s], and what was said on standard output."""
     began = time.monotonic()
-    code, out, err = finish(start(verb, folder))
+    code, out, err = finish(start(verb, folder), patience)
     assert code == 0, err
     return time.monotonic() - began, out
 
@@ -230,20 +242,21 @@ def _differing_poses(first: Path, second: Path) -> list[str]:
     return found
 
 
-def two_at_once(verb: Verb, reference: Path, folder: Path) -> list[str]:
+def two_at_once(verb: Verb, reference: Path, folder: Path, *, patience: float) -> list[str]:
     """Start a command twice at the same moment into one folder, run it once more, and say what is wrong."""
-    ends = [finish(process) for process in [start(verb, folder) for _ in range(2)]]
+    ends = [finish(process, patience) for process in [start(verb, folder) for _ in range(2)]]
     wrong = [f"traceback: {err[-2000:]}" for _, _, err in ends if "Traceback" in err]
     if sorted(code for code, _, _ in ends) not in ([0, 0], [0, 2]):
         wrong.append(f"exit codes and last words: {[(code, err[-300:]) for code, _, err in ends]}")
     wrong += [
         f"refused for another reason: {err[-300:]}" for code, _, err in ends if code == 2 and "at work in it" not in err
     ]
-    return wrong + _after(verb, reference, folder)
+    return wrong + _after(verb, reference, folder, patience)
 
 
 def killed(
-    verb: Verb, reference: Path, folder: Path, *, kinds: Sequence[str], seconds: float, rng: np.random.Generator,
+    verb: Verb, reference: Path, folder: Path, *, kinds: Sequence[str], seconds: float, pace: Pace,
+    rng: np.random.Generator,
 ) -> list[str]:
     """Kill a command at random moments, one kill of each of `kinds`, run it to the end, and say what is wrong.
 
@@ -253,9 +266,10 @@ def killed(
         folder: where this one goes.
         kinds: names of signals for all its processes, or ``worker`` to stop one of its workers.
         seconds: how long it takes when it is left alone.
+        pace: of the machine.
         rng: of the moments.
     """
-    wrong = []
+    wrong, patience = [], pace.patience(seconds)
     for kind in kinds:
         process = start(verb, folder)
         while not listens(process) and process.poll() is None:
@@ -267,7 +281,7 @@ def killed(
                 kill(process, signal.SIGKILL)
         else:
             kill(process, getattr(signal, kind))
-        code, _, err = finish(process)
+        code, _, err = finish(process, patience)
         took = time.monotonic() - began
         if "Traceback" in err:
             wrong.append(f"{kind}: traceback: {err[-2000:]}")
@@ -275,19 +289,19 @@ def killed(
             wrong.append(f"{kind}: exit code {code} after {took:.1f} s: {err[-300:]}")
         if kind in ("SIGINT", "SIGTERM") and code > 128 and not err.rstrip().endswith(SAID):
             wrong.append(f"{kind}: last line {err.splitlines()[-1:]}")
-        deadline = time.monotonic() + 20.0
+        deadline = time.monotonic() + pace.timeout
         while session(process.pid) and time.monotonic() < deadline:
             time.sleep(0.05)
         if alive := session(process.pid):
             wrong.append(f"{kind}: left running: {[command_of(number) for number in alive]}")
             for number in alive:
                 os.kill(number, signal.SIGKILL)
-    return wrong + _after(verb, reference, folder)
+    return wrong + _after(verb, reference, folder, patience)
 
 
-def _after(verb: Verb, reference: Path, folder: Path) -> list[str]:
+def _after(verb: Verb, reference: Path, folder: Path, patience: float) -> list[str]:
     """Run to the end, and say what is wrong then."""
-    code, out, err = finish(start(verb, folder))
+    code, out, err = finish(start(verb, folder), patience)
     if code != 0:
         return [f"the rerun failed: {err[-2000:]}"]
     if verb.out is None:

@@ -13,7 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
-from drill.kill_drill import PATIENCE, command_of, hear_interrupts, listens, session
+from children import PATIENCE, hear_interrupts
+from drill.kill_drill import command_of, listens, session
 from pipeline.chain import contents
 
 GRACE = 30.0

@@ -12,7 +12,7 @@ import pytest
 
 from cli.test_ablate import SETTINGS as ABLATE
 from cli.test_profile import SETTINGS as PROFILE
-from drill.kill_drill import TIMEOUT, Verb, killed, two_at_once, whole
+from drill.kill_drill import Pace, Verb, killed, two_at_once, whole
 from mixpinn.dataset import SimulationStore
 from mixpinn.records import MESH_FILE, TissueMesh
 from pipeline.chain import ANATOMY, MESH, MODELS, RUN, SIMULATION
@@ -28,11 +28,18 @@ NAMES = (
 
 
 @pytest.fixture(scope="module")
-def verbs(chain, tmp_path_factory):
-    """Each command at toy size, with time-outs of a few seconds."""
+def pace(chain, tmp_path_factory):
+    """How long one small command takes here and now."""
+    words = ("mesh", str(chain.anatomy), "--config", str(chain.settings("mesh")))
+    return Pace(whole(Verb("mesh", words), tmp_path_factory.mktemp("pace"))[0])
+
+
+@pytest.fixture(scope="module")
+def verbs(chain, pace, tmp_path_factory):
+    """Each command at toy size, with time-outs as short as this machine allows."""
     folder = tmp_path_factory.mktemp("kills")
-    simulation = {**SIMULATION, "timeout": TIMEOUT, "workers": 2}
-    mesh = {**MESH, "timeout": 4.0 * TIMEOUT}
+    simulation = {**SIMULATION, "timeout": pace.timeout, "workers": 2}
+    mesh = {**MESH, "timeout": 4.0 * pace.timeout}
 
     def settings(name, values):
         path = folder / f"{name}.json"
@@ -49,7 +56,8 @@ def verbs(chain, tmp_path_factory):
         "poses": 6, "first_round": 4,
     }
     run = {**RUN, "mesh": mesh, "simulation": simulation, "models": MODELS, "evaluation": {"pictures": False}}
-    profile = PROFILE | {"simulation": {**PROFILE["simulation"], "timeout": TIMEOUT}, "timeout": 6.0 * TIMEOUT}
+    profiled = {**PROFILE["simulation"], "timeout": pace.timeout}
+    profile = PROFILE | {"simulation": profiled, "timeout": 6.0 * pace.timeout}
     store = str(chain.simulation)
     commands = {
         "anatomy": ["anatomy", "phantom", "--config", settings("anatomy", ANATOMY)],
@@ -64,7 +72,7 @@ def verbs(chain, tmp_path_factory):
         "onboard": ["onboard", "phantom", "--config", settings("onboard", onboarding), "--no-pictures"],
         "ablate": [
             "ablate", store, "--protocol", "desk", "--workers", "2", "--config",
-            settings("ablate", ABLATE | {"timeout": 5.0 * TIMEOUT}),
+            settings("ablate", ABLATE | {"timeout": 5.0 * pace.timeout}),
         ],
         "profile": ["profile", str(chain.mesh), "--config", settings("profile", profile)],
         "export-sofa": ["export", "sofa", str(chain.mesh), "--config", settings("export", SIMULATION)],
@@ -119,22 +127,23 @@ _made = {}
 
 @pytest.mark.skipif(not hasattr(signal, "SIGSTOP"), reason="processes cannot be stopped here")
 @pytest.mark.parametrize("name", NAMES)
-def test_a_killed_command_goes_on(verbs, undisturbed, name, drill, tmp_path):
+def test_a_killed_command_goes_on(verbs, undisturbed, pace, name, drill, tmp_path):
     kinds = KINDS if drill else SHORT.get(name, ())
     if not kinds:
         pytest.skip("only in 'make drill'")
     reference, seconds = undisturbed(name)
     rng = np.random.default_rng(zlib.crc32(name.encode()))
     began = time.monotonic()
-    wrong = killed(verbs[name], reference, tmp_path, kinds=kinds, seconds=seconds, rng=rng)
+    wrong = killed(verbs[name], reference, tmp_path, kinds=kinds, seconds=seconds, pace=pace, rng=rng)
     passed = time.monotonic() - began
     print(f"{name}: {len(kinds)} kills; {seconds:.1f} s alone, {passed:.0f} s with all kills; {len(wrong)} wrong")
     assert not wrong, "\n".join(wrong)
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_command_twice_at_once(verbs, undisturbed, name, drill, tmp_path):
+def test_a_command_twice_at_once(verbs, undisturbed, pace, name, drill, tmp_path):
     if not drill:
         pytest.skip("only in 'make drill'")
-    wrong = two_at_once(verbs[name], undisturbed(name)[0], tmp_path)
+    reference, seconds = undisturbed(name)
+    wrong = two_at_once(verbs[name], reference, tmp_path, patience=pace.patience(seconds))
     assert not wrong, "\n".join(wrong)

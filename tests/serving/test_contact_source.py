@@ -48,6 +48,23 @@ def test_bad_files_are_refused(tmp_path: Path, name: str) -> None:
     assert "\n" not in str(raised.value)
 
 
+@pytest.mark.parametrize("rows", [
+    "0,-1,0,302\n", "0,-1,0.5,302\n1,-1,0.5,303\n", "0;302;-1,5;0\n", "5,0.5,-1,12\n", "0,-1,0,3\n",
+])
+def test_ids_that_may_stand_elsewhere_need_names(tmp_path: Path, rows: str) -> None:
+    (tmp_path / "a.csv").write_text(rows)
+    with pytest.raises(InputError, match="may hold the ids"):
+        read_contacts(tmp_path / "a.csv")
+    (tmp_path / "a.csv").write_text("node;dx;dy;dz\n".replace(";", ";" if ";" in rows else ",") + rows)
+    assert len(read_contacts(tmp_path / "a.csv")[0]) == rows.count("\n")
+
+
+@pytest.mark.parametrize("rows", ["302,0,-1,0\n", "302,0,-1,0\n303,0,-1,1\n", "7,0.5,-1,0.5\n", "7 0 -1 0\n8 0 -1 0\n"])
+def test_ids_that_can_only_stand_first_need_none(tmp_path: Path, rows: str) -> None:
+    (tmp_path / "a.txt").write_text(rows)
+    assert len(read_contacts(tmp_path / "a.txt")[0]) == rows.count("\n")
+
+
 def test_units_of_an_archive_count(tmp_path: Path) -> None:
     np.savez(tmp_path / "a.npz", nodes=NODES, displacements=MOVED, unit="mm")
     np.testing.assert_array_equal(read_contacts(tmp_path / "a.npz")[0], NODES)

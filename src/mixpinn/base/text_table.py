@@ -2,7 +2,7 @@
 
 import csv
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -47,6 +47,7 @@ def split_cells(line: str, separator: str) -> list[str]:
 
 def read_columns(
     path: Path | str, columns: Mapping[str, Sequence[str]], *, unit: str, expected: str, fix: str,
+    doubt: Callable[[FloatArray], str] = lambda rows: "",
 ) -> FloatArray:
     """Read the named columns of a table of numbers, shape (rows, columns).
 
@@ -60,10 +61,11 @@ def read_columns(
         unit: the unit that a name may state in brackets; another one is refused.
         expected: what the file should be, for messages.
         fix: how to mend it.
+        doubt: says of the rows of a table without names why their order cannot be trusted; nothing where it can.
 
     Raises:
-        InputError: absent, no text, names that do not say which column is which, a cell that is no number, or rows
-            of different lengths.
+        InputError: absent, no text, names that do not say which column is which, no names where the order is in doubt,
+            a cell that is no number, or rows of different lengths.
     """
     path = Path(path)
     comments, rows = _split_comments(read_rows(path, expected=expected))
@@ -88,6 +90,8 @@ def read_columns(
         if len(cells[0]) != len(columns):
             got = f"{len(cells[0])} columns without names"
             raise InputError(str(path), expected=f"{len(columns)} columns ({', '.join(columns)})", got=got, fix=fix)
+        if why := doubt(np.array(cells, dtype=np.float64)):
+            raise InputError(str(path), expected=f"the names of its columns ({', '.join(columns)})", got=why, fix=fix)
         order = list(range(len(columns)))
     return np.array([[row[index] for index in order] for row in cells], dtype=np.float64)
 

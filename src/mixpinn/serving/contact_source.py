@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from mixpinn.base.array_file import read_npz
-from mixpinn.base.arrays import AnyArray
+from mixpinn.base.arrays import AnyArray, FloatArray
 from mixpinn.base.errors import InputError
 from mixpinn.base.files import read_json
 from mixpinn.base.text_table import read_columns, require_unit
@@ -25,6 +25,8 @@ _COLUMNS = {
 """What the columns of a table may be called."""
 
 
+_LARGEST_MOVE = 100.0
+"""A column without a name whose numbers are no larger may be displacements [mm]."""
 _MOST = 1 << 28
 """Size of one array of an archive of contacts [byte]; a hundred times what a whole mesh has."""
 
@@ -50,8 +52,8 @@ def read_contacts(path: Path | str) -> tuple[AnyArray, AnyArray]:
     """Read contact nodes and their displacement.
 
     ``.csv``, ``.tsv``, ``.txt``: a table with the columns ``node``, ``dx``, ``dy`` and ``dz`` (see `read_columns`),
-    found by the line of their names and only without one by their order. ``.json``: an object with ``nodes``, ids, and
-    ``displacements``, three numbers each. ``.npz``: arrays of the same names.
+    found by the line of their names and only without one by their order, where only the first can be ids. ``.json``: an
+    object with ``nodes``, ids, and ``displacements``, three numbers each. ``.npz``: arrays of the same names.
 
     Returns:
         node ids, shape (c,), and displacements [mm], shape (c, 3).
@@ -89,8 +91,22 @@ def _whole(path: Path, nodes: AnyArray) -> AnyArray:
 
 
 def _read_table(path: Path) -> tuple[AnyArray, AnyArray]:
-    values = read_columns(path, _COLUMNS, unit="mm", expected="contact nodes and their displacement", fix=_FIX)
+    values = read_columns(
+        path, _COLUMNS, unit="mm", expected="contact nodes and their displacement", fix=_FIX, doubt=_other_ids,
+    )
     return values[:, 0], values[:, 1:]
+
+
+def _other_ids(rows: FloatArray) -> str:
+    """Why the first column of a table without names may be another one than the ids; nothing where it cannot."""
+    largest = rows.max(axis=0)
+    for index in range(1, rows.shape[1]):
+        column = rows[:, index]
+        whole = bool((column >= 0.0).all() and (column == np.rint(column)).all())
+        alike = largest[0] <= _LARGEST_MOVE or largest[index] >= largest[0]
+        if whole and alike and len(np.unique(column)) == len(column):
+            return f"no names, and column {index + 1} may hold the ids as well as the first"
+    return ""
 
 
 def _read_json(path: Path) -> tuple[AnyArray, AnyArray]:

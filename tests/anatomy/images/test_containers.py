@@ -7,6 +7,7 @@ import zlib
 import nibabel as nib
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from anatomy.builders import masks, write_folder
 from mixpinn.anatomy import read_folder, read_multilabel
@@ -98,7 +99,7 @@ def test_nrrd_cut_short(tmp_path):
         read_label_image(path)
 
 
-def metaimage(path, data=LABELS, matrix=LPS, *, compressed=False, order="little", local=True, leave=""):
+def metaimage(path, data=LABELS, matrix=LPS, *, compressed=False, order="little", local=True, leave="", letters=""):
     sizes = np.linalg.norm(matrix[:3, :3], axis=0)
     turn = (matrix[:3, :3] / sizes).T  # a row an axis
     packed = data.astype(data.dtype.newbyteorder("<" if order == "little" else ">")).tobytes(order="F")
@@ -111,6 +112,7 @@ def metaimage(path, data=LABELS, matrix=LPS, *, compressed=False, order="little"
         "ElementType = MET_SHORT",
     ]
     lines = [line for line in lines if not leave or not line.startswith(leave)]
+    lines += [f"AnatomicalOrientation = {letters}"] if letters else []
     end = f"ElementDataFile = {'LOCAL' if local else 'voxels.raw'}\n"
     path.write_bytes(("\n".join(lines) + "\n" + end).encode() + (packed if local else b""))
     if not local:
@@ -135,6 +137,26 @@ def test_metaimage(tmp_path, compressed, order, name):
 def test_metaimage_that_is_refused(tmp_path, leave, says):
     with pytest.raises(InputError, match=says):
         read_label_image(metaimage(tmp_path / "a.mha", leave=leave))
+
+
+@pytest.mark.parametrize("letters", ["AIL", "PSR", "ail", "???", "RA", "XYZ"])
+def test_letters_that_fit_the_matrix_or_say_nothing(tmp_path, letters):
+    """The axes of `AFFINE` go to the back, up and to the right."""
+    assert read_label_image(metaimage(tmp_path / "a.mha", letters=letters)).notes == ()
+
+
+@pytest.mark.parametrize("letters", ["AIR", "PIL", "RAI", "LPS", "ASL"])
+def test_letters_that_contradict_the_matrix(tmp_path, letters):
+    (note,) = read_label_image(metaimage(tmp_path / "a.mha", letters=letters)).notes
+    assert (note.kind, note.error) == ("affine", True)
+    assert f"TransformMatrix says AIL, AnatomicalOrientation {letters}" in note.detail
+
+
+def test_oblique_axes_have_the_letters_of_the_nearest_side(tmp_path):
+    axis = np.array([1.0, 1.0, 1.0]) / np.sqrt(3.0)  # as far from every axis of the body as can be
+    turned = np.eye(4)
+    turned[:3, :3] = Rotation.align_vectors([axis], [[0.0, 0.0, 1.0]])[0].as_matrix()
+    assert read_label_image(metaimage(tmp_path / "a.mha", matrix=turned, letters="RAI")).notes == ()
 
 
 def test_every_container_of_a_folder(tmp_path):

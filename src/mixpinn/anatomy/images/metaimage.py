@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
+from mixpinn.anatomy.finding import Finding
 from mixpinn.anatomy.images.label_image import LPS_TO_RAS, LabelImage, file_beside, make_label_image
 from mixpinn.base.arrays import AnyArray, FloatArray
 from mixpinn.base.bounded import unpack
@@ -15,6 +16,13 @@ _TYPES = {
     "MET_LONG": "i4", "MET_ULONG": "u4", "MET_LONG_LONG": "i8", "MET_ULONG_LONG": "u8", "MET_FLOAT": "f4",
     "MET_DOUBLE": "f8",
 }
+_FROM = {
+    "R": np.array([1.0, 0.0, 0.0]), "L": np.array([-1.0, 0.0, 0.0]), "A": np.array([0.0, 1.0, 0.0]),
+    "P": np.array([0.0, -1.0, 0.0]), "I": np.array([0.0, 0.0, 1.0]), "S": np.array([0.0, 0.0, -1.0]),
+}
+"""Direction in LPS of an axis that comes from a side."""
+_ALONG = 0.5
+"""Cosine above which an oblique axis goes where its letter says; the nearest of three has 0.58 at least."""
 
 
 def read_metaimage(path: Path) -> LabelImage:
@@ -36,7 +44,26 @@ def read_metaimage(path: Path) -> LabelImage:
     affine = np.eye(4)
     affine[:3, :3] = (_numbers(path, matrix, 9).reshape(3, 3) * _numbers(path, _spacing(path, fields), 3)[:, None]).T
     affine[:3, 3] = _numbers(path, origin, 3)
-    return make_label_image(path, _data(path, fields, body), LPS_TO_RAS @ affine)
+    notes = _against_letters(path, affine, fields.get("anatomicalorientation", ""))
+    return make_label_image(path, _data(path, fields, body), LPS_TO_RAS @ affine, notes=notes)
+
+
+def _against_letters(path: Path, affine: FloatArray, told: str) -> tuple[Finding, ...]:
+    """An error where AnatomicalOrientation names other directions of the axes than the matrix, in LPS, has.
+
+    ITK writes the sides that the axes come from (RAI for a matrix of ones), other programs those they go to (LPS);
+    either is taken. It writes ``???`` where nothing is known.
+    """
+    letters = told.strip().upper()
+    if len(letters) != 3 or not set(letters) <= _FROM.keys():
+        return ()
+    turn = affine[:3, :3] / np.maximum(np.linalg.norm(affine[:3, :3], axis=0), np.finfo(np.float64).tiny)
+    along = np.array([_FROM[letter] @ turn[:, axis] for axis, letter in enumerate(letters)])
+    if not np.isfinite(turn).all() or (along >= _ALONG).all() or (along <= -_ALONG).all():
+        return ()
+    own = "".join(max(_FROM, key=lambda letter: float(_FROM[letter] @ turn[:, axis])) for axis in range(3))
+    detail = f"TransformMatrix says {own}, AnatomicalOrientation {letters}: one of the two is wrong"
+    return (Finding("affine", path.name, detail, 0, repairable=False, error=True),)
 
 
 def _bad(path: Path, expected: str, got: str) -> InputError:
