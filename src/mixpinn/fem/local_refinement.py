@@ -71,6 +71,9 @@ def refine_under(mesh: TissueMesh, probe: Probe, path: ProbePath, config: LocalR
     """
     spots = FacePoints.build(mesh.skin_faces, mesh.points[mesh.skin_faces], spacing=_SPACING)
     skin = np.einsum("pw,pwk->pk", spots.weights, mesh.points[spots.vertices])
+    span = np.linalg.norm(probe.points, axis=1).max() + _DEEPEST
+    low, high = path.translations.min(axis=0) - span, path.translations.max(axis=0) + span
+    skin = skin[((skin >= low) & (skin <= high)).all(axis=1)]
     boxes = [_box(skin, probe, turn, tip) for turn, tip in zip(path.rotations, path.translations, strict=True)]
 
     def length(points: FloatArray) -> FloatArray:

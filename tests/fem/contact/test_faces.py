@@ -94,14 +94,14 @@ def test_forces_and_stiffness_are_derivatives(order, friction):
     direction = rng.normal(size=at.shape)
     ends = [problem.evaluate(at + sign * h * direction) for sign in (1.0, -1.0)]
     change = (ends[0].gradient - ends[1].gradient) / (2.0 * h)
-    np.testing.assert_allclose(
-        found.stiffness @ direction.ravel(), change.ravel(), atol=1e-5 * np.abs(change).max(),
-    )
+    exact = np.zeros_like(change)
+    exact[found.touched] = (found.stiffness @ direction[found.touched].ravel()).reshape(-1, 3)
+    np.testing.assert_allclose(exact, change, atol=1e-5 * np.abs(change).max())
     if friction == 0.0:
         slope = (ends[0].energy - ends[1].energy) / (2.0 * h)
         assert slope == pytest.approx((found.gradient * direction).sum(), rel=1e-6)
     else:
-        sliding = np.linalg.norm(found.slip, axis=1) * 500.0 / 4.0
+        sliding = np.linalg.norm(found.slip, axis=1)
         assert (sliding > 0.0).any()
     loose = problem.evaluate(at, exact=False).stiffness
     np.testing.assert_allclose(loose, loose.T, atol=1e-9 * np.abs(loose).max())

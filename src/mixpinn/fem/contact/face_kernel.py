@@ -95,18 +95,16 @@ def evaluate_faces(  # type: ignore[no-untyped-def]
     d and the dependence of friction on the normal force, and is positive semi-definite.
 
     Returns:
-        energy, largest violation, number of active points, gradient (v, 3), stiffness (3 v, 3 v), which vertices carry
-        any (v,), normal force (q,) and elastic slip (q, 3) of each point.
+        energy, largest violation, number of active points, gradient (v, 3), stiffness (3 a, 3 a) among the a vertices
+        that carry any, which these are (v,), normal force (q,) and elastic slip (q, 3) of each point.
     """
     n_points, width = weights.shape
     energy, worst, hits = 0.0, 0.0, 0
-    gradient, hessian = np.zeros((len(x), 3)), np.zeros((3 * len(x), 3 * len(x)))
-    touched = np.zeros(len(x), np.bool_)
+    gradient, touched = np.zeros((len(x), 3)), np.zeros(len(x), np.bool_)
     force, slip = np.zeros(n_points), np.zeros((n_points, 3))
-    corner, edges, inverse = np.empty((3, 3)), np.zeros((2, 3)), np.zeros((2, 2))
-    tips, bases = np.zeros(2, np.int64), np.zeros(2, np.int64)
-    point, n, e, u, push_on = np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    local = np.empty((3, 3))
+    active, triangle, kind = np.empty(n_points, np.int64), np.empty(n_points, np.int64), np.empty(n_points, np.int64)
+    at, place, apart = np.empty((n_points, 3)), np.empty((n_points, 3)), np.empty(n_points)
+    point = np.empty(3)
     for i in range(n_points):
         if offsets[i] == offsets[i + 1]:
             continue
@@ -117,13 +115,27 @@ def evaluate_faces(  # type: ignore[no-untyped-def]
         t, wa, wb, wc, squared, feature = nearest_within(
             point, candidates[offsets[i]:offsets[i + 1]], corners, probe_triangles, capsules, gap,
         )
-        if t < 0:
+        if t < 0 or squared >= gap * gap:
             continue
-        distance = np.sqrt(squared)
-        phi, slope, curvature = penalty(gap - distance, law.stiffness, law.smoothing)
-        if slope == 0.0:
-            continue
+        a, b, c = probe_triangles[t]
+        for r in range(3):
+            at[hits, r] = point[r]
+            place[hits, r] = wa * corners[a, r] + wb * corners[b, r] + wc * corners[c, r]
+        active[hits], triangle[hits], kind[hits], apart[hits] = i, t, feature, np.sqrt(squared)
         hits += 1
+        for c in range(width):
+            touched[nodes[i, c]] = True
+    rank, count = np.empty(len(x), np.int64), 0
+    for v in range(len(x)):
+        rank[v] = count
+        count += touched[v]
+    hessian = np.zeros((3 * count, 3 * count))
+    corner, edges, inverse = np.empty((3, 3)), np.zeros((2, 3)), np.zeros((2, 2))
+    tips, bases = np.zeros(2, np.int64), np.zeros(2, np.int64)
+    n, e, u, push_on, local = np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty((3, 3))
+    for hit in range(hits):
+        i, t, feature, distance, point = active[hit], triangle[hit], kind[hit], apart[hit], at[hit]
+        phi, slope, curvature = penalty(gap - distance, law.stiffness, law.smoothing)
         phi, slope, curvature = area[i] * phi, area[i] * slope, area[i] * curvature
         energy += phi
         worst = max(worst, gap - distance)
@@ -132,7 +144,7 @@ def evaluate_faces(  # type: ignore[no-untyped-def]
         for c in range(3):
             corner[c] = corners[probe_triangles[t, c]]
         for r in range(3):
-            n[r] = (point[r] - wa * corner[0, r] - wb * corner[1, r] - wc * corner[2, r]) / distance
+            n[r] = (point[r] - place[hit, r]) / distance
         bend = slope / distance if exact else 0.0
         for r in range(3):
             push_on[r] = -slope * n[r]
@@ -163,12 +175,11 @@ def evaluate_faces(  # type: ignore[no-untyped-def]
                         local[r, s] -= law.friction * curvature * u[r] * n[s]
         for c in range(width):
             vc, wr = nodes[i, c], weights[i, c]
-            touched[vc] = True
             for r in range(3):
                 gradient[vc, r] += wr * push_on[r]
             for d in range(width):
-                vd, ww = nodes[i, d], wr * weights[i, d]
+                row, column, ww = 3 * rank[vc], 3 * rank[nodes[i, d]], wr * weights[i, d]
                 for r in range(3):
                     for s in range(3):
-                        hessian[3 * vc + r, 3 * vd + s] += ww * local[r, s]
+                        hessian[row + r, column + s] += ww * local[r, s]
     return energy, worst, hits, gradient, hessian, touched, force, slip

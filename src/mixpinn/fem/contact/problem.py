@@ -23,8 +23,9 @@ class ContactForces:
     Attributes:
         energy: of contact and of friction at the current normal forces [N mm].
         gradient: of contact and friction by vertex positions [N], shape (v, 3); forces are its negative.
-        stiffness: derivative of `gradient` [N/mm], shape (3 v, 3 v); not symmetric where contact points slip.
-        touched: vertices with entries in `stiffness`, shape (v,).
+        stiffness: derivative of `gradient` among the a vertices that are touched, zero for others [N/mm], shape
+            (3 a, 3 a); not symmetric where contact points slip.
+        touched: which vertices these are, shape (v,).
         slip: elastic slip of each contact point if the step ended here [mm], shape (p, 3).
         normal_force: of each contact point [N], shape (p,).
         penetration: largest violation of the gap [mm].
@@ -95,7 +96,10 @@ class ContactProblem:
         energy, penetration, hits, gradient, stiffness, touched, force, slip = evaluate(
             positions, pairs, self._anchors, law, config.gap, exact,
         )
-        return ContactForces(energy, gradient, stiffness, touched, slip, force, penetration, hits)
+        rows = np.flatnonzero(np.repeat(touched, 3))
+        return ContactForces(
+            energy, gradient, stiffness[np.ix_(rows, rows)], touched, slip, force, penetration, hits,
+        )
 
     def slip_everywhere(self, forces: ContactForces) -> FloatArray:
         """Elastic slip of all contact points of probe and skin [mm], shape (`ContactModel.n_points`, 3)."""

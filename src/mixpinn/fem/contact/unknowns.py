@@ -38,15 +38,18 @@ class Link:
         return reduced[:-1]
 
     def reduce_stiffness(self, stiffness: FloatArray, touched: BoolArray) -> tuple[FloatArray, IntArray]:
-        """Stiffness (3 v, 3 v) of the `touched` vertices (v,) by the unknowns that move them, and these unknowns."""
+        """Stiffness (3 a, 3 a) among the a `touched` vertices (v,) by the unknowns that move them, and these unknowns."""
         rows = np.flatnonzero(np.repeat(touched, 3))
         if self.jacobian is not None:
             some = self.jacobian[rows]
             columns = np.flatnonzero(some.any(axis=0))
             some = some[:, columns]
-            return some.T @ stiffness[np.ix_(rows, rows)] @ some, columns
-        rows = rows[self.columns[rows] >= 0]
-        return stiffness[np.ix_(rows, rows)], self.columns[rows]
+            return some.T @ stiffness @ some, columns
+        columns = self.columns[rows]
+        moving = columns >= 0
+        if moving.all():
+            return stiffness, columns
+        return stiffness[np.ix_(moving, moving)], columns[moving]
 
 
 class ContactUnknowns:

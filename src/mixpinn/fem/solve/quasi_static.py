@@ -31,6 +31,8 @@ from mixpinn.physics.condensed_contact import solve_condensed
 
 _CONTACT_ITERATIONS = 20
 """Of contact with the linearised body, before it is tried with contact that gives way."""
+_CONTACT_SHARE = 0.01
+"""How much more closely contact with the linearised body is solved than equilibrium is asked for."""
 _SHARES = (1.0 / 256.0, 1.0 / 16.0, 1.0)
 """Shares of the contact's stiffness, one after another: with the first, the probe's weight on soft tissue is borne by
 violations of the gap of the order of the gap itself."""
@@ -291,6 +293,7 @@ class QuasiStaticSolver:
         # The last forces are a good start where the probe has just moved and they leave the skin about where it is;
         # else it is where the skin is. A start without forces would let the skin spring back through the probe.
         gap, compliance = problem.model.config.gap, self._inverse.compliance
+        tolerance = min(max(_CONTACT_SHARE * self.config.tolerance, 1e-10), 1e-8)
         solve = partial(solve_condensed, compliance, free, largest_move=0.3 * gap)
         near = np.abs(free - np.einsum("ij,j->i", compliance, self._force)).max(initial=0.0) < 0.25 * gap
 
@@ -300,7 +303,7 @@ class QuasiStaticSolver:
 
         starts = [self._force] if near else []
         for start in starts if first else [still(), *starts]:
-            found = solve(law, start=start, max_iterations=_CONTACT_ITERATIONS)
+            found = solve(law, start=start, tolerance=tolerance, max_iterations=_CONTACT_ITERATIONS)
             self.effort.contact_iterations += found.iterations
             if found.converged:
                 self._force = found.force
@@ -308,7 +311,7 @@ class QuasiStaticSolver:
         # Deep in the probe the curvature of its distance outweighs the body; where contact gives way it does not.
         start = still()
         for share in _SHARES:
-            found = solve(partial(law, share=share), start=start, tolerance=1e-10 if share == 1.0 else 1e-3)
+            found = solve(partial(law, share=share), start=start, tolerance=tolerance if share == 1.0 else 1e-3)
             self.effort.contact_iterations += found.iterations
             if not found.converged:
                 return None
