@@ -38,7 +38,7 @@ class Link:
         return reduced[:-1]
 
     def reduce_stiffness(self, stiffness: FloatArray, touched: BoolArray) -> tuple[FloatArray, IntArray]:
-        """Stiffness (3 a, 3 a) among the a `touched` vertices (v,) by the unknowns that move them, and these unknowns."""
+        """Stiffness (3 a, 3 a) of the a `touched` vertices (v,) by the unknowns that move them, and these unknowns."""
         rows = np.flatnonzero(np.repeat(touched, 3))
         if self.jacobian is not None:
             some = self.jacobian[rows]
