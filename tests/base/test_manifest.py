@@ -5,7 +5,7 @@ import os
 import pytest
 
 from mixpinn.base.errors import InputError
-from mixpinn.base.manifest import MANIFEST, Artefact
+from mixpinn.base.manifest import MANIFEST, Artefact, refuse_sealed
 
 THING = Artefact("toy", 3, "make the toy again")
 
@@ -75,3 +75,12 @@ def test_what_an_older_version_wrote_gets_one_line_with_the_remedy(toy):
     with pytest.raises(InputError, match="an older version wrote this") as caught:
         THING.check(toy)
     assert "\n" not in str(caught.value)
+
+
+def test_no_output_is_written_over_what_a_manifest_vouches_for(toy):
+    with pytest.raises(InputError, match="a file of a toy"):
+        refuse_sealed(toy / "a.txt")
+    refuse_sealed(toy / "c.txt")
+    refuse_sealed(toy / "absent" / "a.txt")
+    (toy / MANIFEST).write_text("{")
+    refuse_sealed(toy / "a.txt")  # it vouches for nothing any more

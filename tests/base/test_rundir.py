@@ -25,6 +25,13 @@ def test_same_run_goes_on_and_another_is_refused(tmp_path):
         start_run(tmp_path / "out", "stage", {"size": (1, 2)}, **run)
 
 
+def test_a_folder_of_an_artefact_is_no_run_directory(tmp_path):
+    (tmp_path / "manifest.json").write_text("{}")
+    with pytest.raises(InputError, match="vouches for"):
+        start_run(tmp_path, "stage", {})
+    assert not (tmp_path / "run.json").exists()
+
+
 def test_record_tells_results(tmp_path):
     start_run(tmp_path, "stage", {})
     assert not is_finished(tmp_path)

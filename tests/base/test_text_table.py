@@ -44,7 +44,8 @@ def test_order_is_that_of_the_names(tmp_path, mark):
     ("7,1,2\n", "3 columns in line 1"), ("7,1,2,3\n8,1,2\n", "3 columns in line 2"),
     ("7,1,,3\n", "an empty cell in line 1"), ("7,1,a,3\n", "'a' in line 1"), ("node,dx,dy,dz\n", "no row"),
     ("", "no row"),
-    ("7,1_0,2,3\n", "'1_0' in line 1"),
+    ("7,1_0,2,3\n", "'1_0' in line 1"), (CSV + "#N/A,0,1,2\n", "'#N/A' in line 4"),
+    (CSV + "7,#REF!,1,2\n", "'#REF!' in line 4"), ("#DIV/0!,0,1,2\n" + BODY, "'#DIV/0!' in line 1"),
 ])
 def test_refusals_name_the_place(tmp_path, text, says):
     with pytest.raises(InputError) as caught:

@@ -3,6 +3,7 @@
 import json
 import shutil
 
+import numpy as np
 import pytest
 import pyvista as pv
 
@@ -170,6 +171,40 @@ class TestPredict:
             "predict", chain.model, "--simulations", chain.simulation, "--out", tmp_path / "p.vtu", says="a folder",
         )
         assert not contents(tmp_path)
+
+    def test_output_over_a_file_of_the_model(self, chain):
+        before = (chain.model / "mesh.vtu").read_bytes()
+        refused(
+            "predict", chain.model, "--simulations", chain.simulation, "--out", chain.model / "mesh.vtu",
+            says="a file of a trained network",
+        )
+        assert (chain.model / "mesh.vtu").read_bytes() == before
+
+    def test_ids_that_are_one_number(self, chain, tmp_path):
+        np.savez(tmp_path / "contacts.npz", nodes=3, displacements=[0.0, -1.0, 0.0])
+        refused(
+            "predict", chain.model, "--contacts", tmp_path / "contacts.npz", "--out", tmp_path / "p.vtu",
+            says="contact nodes",
+        )
+
+
+@pytest.mark.parametrize("words", [
+    ["anatomy", "", "--out", "out"], ["anatomy", "phantom", "--out", ""], ["mesh", "anatomy", "--out="],
+    ["mesh", " ", "--out", "out"],
+])
+def test_words_of_a_variable_that_is_not_set(tmp_path, monkeypatch, words):
+    monkeypatch.chdir(tmp_path)
+    refused(*words, says="variables of the shell")
+    assert not contents(tmp_path)
+
+
+@pytest.mark.parametrize("words", [["anatomy", "LONG"], ["anatomy", "phantom", "--out", "LONG"], ["mesh", "LOOP"]])
+def test_paths_that_the_system_refuses(tmp_path, monkeypatch, words):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "loop").symlink_to("loop")
+    words = [{"LONG": "n" * 300, "LOOP": "loop"}.get(word, word) for word in words]
+    refused(*words, *([] if "--out" in words else ["--out", "out"]), says="check the path")
+    assert not contents(tmp_path)
 
 
 class TestSettings:

@@ -20,8 +20,9 @@ from mixpinn.base.unfinished import PREFIX, held, sweep
 
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EACCES, errno.EPERM, errno.EROFS)
 """What the system says where a file cannot be written for want of room or permission."""
-
-
+NO_PATH = (errno.ENAMETOOLONG, errno.ELOOP, errno.ENOENT, errno.ENOTDIR, errno.EISDIR, errno.EINVAL, errno.EIO,
+           errno.ESTALE)
+"""What it says of a path that leads to no file, or of a drive that is gone."""
 _FOREIGN = ("thumbs.db", "desktop.ini", "ehthumbs.db")
 
 

@@ -124,6 +124,25 @@ class Artefact:
         return entries
 
 
+def refuse_sealed(path: Path) -> None:
+    """Refuse to write over a file of an artefact, which would be damaged by it.
+
+    Raises:
+        InputError: a manifest beside `path` lists it.
+    """
+    for manifest in path.parent.glob(f"*{MANIFEST}"):
+        try:
+            values = read_json(manifest)
+        except InputError:
+            continue
+        files = values.get("files") if isinstance(values, dict) else None
+        if isinstance(files, dict) and path.name in files:
+            raise InputError(
+                str(path), expected="an output beside nothing that it damages",
+                got=f"a file of a {values.get('format')}", fix="choose another name or folder for the output",
+            )
+
+
 def _proof(path: Path) -> dict[str, Any]:
     return {"size": path.stat().st_size, "sha256": hash_file(path)}
 

@@ -12,6 +12,7 @@ from typing import Any
 from mixpinn.base.errors import InputError
 from mixpinn.base.files import hash_file, is_foreign, make_folder, read_json, write_json
 from mixpinn.base.lock import acquire, given_back, release
+from mixpinn.base.manifest import MANIFEST
 
 RECORD = "run.json"
 _begun: list[tuple[Path, bool]] = []
@@ -60,8 +61,9 @@ def start_run(
         finished work may be kept; False where the folder is new.
 
     Raises:
-        InputError: the folder holds another run, its path is that of a file, or another process works in it. This
-            process keeps the folder to itself until `finish_run`, the end of the `run_scope` around, or its own end.
+        InputError: the folder holds another run or an artefact, its path is that of a file, or another process works
+            in it. This process keeps the folder to itself until `finish_run`, the end of the `run_scope` around, or its
+            own end.
     """
     folder = Path(folder)
     existed = folder.is_dir()
@@ -82,6 +84,12 @@ def start_run(
         raise InputError(
             str(folder), expected=f"an empty folder or the same {stage} run", got=f"a run with another {changed}",
             fix="choose another output folder or delete this one",
+        )
+    if (folder / MANIFEST).exists():
+        release(folder)
+        raise InputError(
+            str(folder), expected=f"an empty folder or the same {stage} run",
+            got=f"a folder with files that {MANIFEST} vouches for", fix="choose another output folder",
         )
     write_json(record, {
         **identity, "command": sys.argv, "versions": versions(),

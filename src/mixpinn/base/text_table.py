@@ -15,6 +15,10 @@ Row = tuple[int, list[str]]
 """Number of the line, and its cells."""
 
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?$")
+_FAULT = re.compile(
+    r"#(?:N/A\b|NV\b|(?:REF|VALUE|DIV/0|NAME|NUM|NULL|SPILL|CALC|BEZUG|WERT|ZAHL|VALEUR|NOM|NOMBRE)[!?])",
+)
+"""What a spreadsheet writes into a cell that it cannot compute, which is no comment."""
 _UNIT = re.compile(r"[\[(]\s*([^\])]*?)\s*[\])]\s*$")
 _UNIT_BESIDE = re.compile(r"\bunits?\s*(?:[:=\[(]|\bis\b|\bare\b|\bin\b)\s*[\[(\"']*([a-zµ]+)", re.IGNORECASE)
 _UNITS = {
@@ -100,10 +104,10 @@ def _split_comments(lines: list[tuple[int, str]]) -> tuple[list[tuple[int, str]]
     comments, rows = [], []
     for number, line in lines:
         text = line.lstrip("\ufeff").strip()
-        if text.startswith(("#", "%", "//")):
+        if text.startswith(("#", "%", "//")) and not _FAULT.match(text):
             comments.append((number, text.lstrip("#%/ \t")))
         else:
-            rows.append((number, line.partition("#")[0]))
+            rows.append((number, line if _FAULT.search(line) else line.partition("#")[0]))
     return comments, rows
 
 

@@ -11,6 +11,8 @@ from mixpinn.cli.stopping import exit_code, hear_signals
 __all__ = ["app", "main"]
 
 _INTERRUPTED = 128 + signal.SIGINT
+_SHOWN = 300
+"""Letters of a path that a message shows."""
 
 
 def __getattr__(name: str) -> Any:
@@ -36,9 +38,10 @@ def main() -> None:
 
 def _run() -> None:
     from mixpinn.base.errors import MixpinnError, SolveError
-    from mixpinn.base.files import NO_ROOM
+    from mixpinn.base.files import NO_PATH, NO_ROOM
 
     try:
+        _refuse_empty_words(sys.argv[1:])
         sys.exit(_application()(standalone_mode=True) or 0)
     except SystemExit as end:
         if end.code == _INTERRUPTED:  # typer makes an exit of the interruption
@@ -51,9 +54,24 @@ def _run() -> None:
     except MemoryError as error:
         _leave(f"the memory at hand is not enough ({' '.join(str(error).split()) or 'no size known'}); ask for less", 2)
     except OSError as error:
-        if error.errno not in NO_ROOM:
+        if error.errno in NO_ROOM:
+            _leave(f"{error.filename or 'output'}: {error.strerror}; free some space or choose another folder", 2)
+        if error.errno not in NO_PATH or error.filename is None:
             raise
-        _leave(f"{error.filename or 'output'}: {error.strerror}; free some space or choose another folder", 2)
+        _leave(f"{str(error.filename)[:_SHOWN]}: {error.strerror}; check the path", 2)
+
+
+def _refuse_empty_words(words: list[str]) -> None:
+    """An empty path would be the current folder, and an empty name any; it comes from a variable that is not set."""
+    from mixpinn.base.errors import InputError
+
+    for index, word in enumerate(words):
+        if not word.strip() or (word.startswith("--") and word.endswith("=")):
+            place = f"after {words[index - 1]!r}" if index and not word.strip() else f"for {word!r}"
+            raise InputError(
+                "command line", expected="words that are not empty", got=f"nothing {place}",
+                fix="check the variables of the shell in it",
+            )
 
 
 def _application() -> Any:

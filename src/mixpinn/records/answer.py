@@ -10,6 +10,7 @@ import numpy as np
 
 from mixpinn.base.arrays import AnyArray, FloatArray, IntArray
 from mixpinn.base.errors import InputError
+from mixpinn.base.manifest import refuse_sealed
 from mixpinn.records.error_budget import TotalError
 from mixpinn.records.tissue_mesh import TissueMesh
 from mixpinn.records.vtu import TetraGrid
@@ -211,13 +212,14 @@ def checked_output(path: Path | str) -> Path:
     """`path` as one that `Answer.save` can write.
 
     Raises:
-        InputError: another suffix than ``.vtu``, ``.stl`` or ``.ply``.
+        InputError: another suffix than ``.vtu``, ``.stl`` or ``.ply``, or a file of a bundle or another artefact.
     """
     path = Path(path)
     if path.suffix not in _SUFFIXES:
         raise InputError(
             str(path), expected=".vtu, .stl or .ply", got=path.suffix or "no suffix", fix="rename the output",
         )
+    refuse_sealed(path)
     return path
 
 

@@ -24,7 +24,7 @@ def check_contacts(mesh: TissueMesh, nodes: AnyArray, displacements: AnyArray, *
             lengths in metres.
     """
     nodes, displacements = np.asarray(nodes), np.asarray(displacements)
-    if displacements.shape != (len(nodes), 3) or nodes.dtype.kind not in "iu" or not len(nodes):
+    if nodes.ndim != 1 or displacements.shape != (len(nodes), 3) or nodes.dtype.kind not in "iu" or not len(nodes):
         return
     if displacements.dtype.kind not in "fiu" or not np.isfinite(displacements).all():
         return
