@@ -73,8 +73,8 @@ def world(chain, tmp_path_factory):  # noqa: F811
 def test_python_runs(page, world, monkeypatch):
     """A page's blocks, one after the other, at toy size: a later one may use the names of those before it."""
     monkeypatch.chdir(world)
-    monkeypatch.setattr(mixpinn, "make_mesh", partial(mixpinn.make_mesh, size=4.0))
-    monkeypatch.setattr(mixpinn.protocols, "SMALL", replace(mixpinn.protocols.SMALL, max_positions=8, steps=3))
+    monkeypatch.setattr(mixpinn, "make_mesh", partial(mixpinn.make_mesh, size=5.0))
+    monkeypatch.setattr(mixpinn.protocols, "SMALL", replace(mixpinn.protocols.SMALL, max_positions=5, steps=2))
     names = {"__name__": "snippet"}
     for owner, text in blocks("python"):
         if owner == page:

@@ -12,10 +12,10 @@ from mixpinn.anatomy import tiny_phantom
 
 with open("begun.txt", "a") as file:
     file.write("once more\\n")
-mesh = mx.make_mesh(tiny_phantom(), size=6.0)
+mesh = mx.make_mesh(tiny_phantom(), size=8.0)
 scene = mx.Scene(mesh)
 protocol = replace(mx.protocols.SMALL, max_positions=2, steps=1)
-store = mx.simulate(scene, protocol, out="simulation", workers=2)
+store = mx.simulate(scene, protocol, out="simulation", workers=1)
 print([str(status.state) for status in store.statuses()])
 """
 

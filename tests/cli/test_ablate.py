@@ -8,12 +8,13 @@ import time
 import pytest
 
 from children import PATIENCE
+from mixpinn.dataset import dask_pool
 from mixpinn.records import SampleTable
 from pipeline.chain import command, contents, done
 
 SETTINGS = {
     "models": ["row-10"], "repeated": [], "seeds": [3], "few_positions": [2], "hidden": 4, "physgnn_hidden": 4,
-    "passes": 24, "deepest_seen": 2.0, "unseen_rotations": [], "other_probe": {"rotations": [0.0]},
+    "passes": 12, "deepest_seen": 2.0, "unseen_rotations": [], "other_probe": {"rotations": [0.0]},
 }
 
 
@@ -95,7 +96,7 @@ def test_fewer_positions_get_more_epochs_for_the_same_budget(table):
     runs = {run["positions"]: run["training"] for run in results(table)["runs"] if run["row"] == "row-10"}
     passes = {count: training["samples"] * training["epochs"] for count, training in runs.items()}
     assert runs[2]["samples"] < runs[None]["samples"]
-    assert all(abs(value - 24) <= runs[count]["samples"] / 2 for count, value in passes.items())
+    assert all(abs(value - SETTINGS["passes"]) <= runs[count]["samples"] / 2 for count, value in passes.items())
 
 
 def test_uninterrupted_table_on_other_workers_has_the_same_figures(chain, table, scheduler, tmp_path):
@@ -145,7 +146,8 @@ def test_training_that_diverges_leaves_the_others_their_table(chain, scheduler, 
         (("--scheduler", "tcp://127.0.0.1:1"), "Dask scheduler"), (("--devices", "0"), "devices"),
     ],
 )
-def test_bad_requests_are_refused_in_one_line(chain, table, tmp_path, extra, said):
+def test_bad_requests_are_refused_in_one_line(chain, table, tmp_path, monkeypatch, extra, said):
+    monkeypatch.setattr(dask_pool, "_CONNECT", "1s")
     given = words(chain, tmp_path, table if "config" in said else tmp_path / "table")
     outcome = command(*given, *extra)
     assert outcome.code == 2

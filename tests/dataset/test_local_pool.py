@@ -70,9 +70,9 @@ def test_workers_that_never_start_end_the_run_in_one_line(tmp_path, marks):
 
 
 def test_a_slow_pose_that_reports_its_steps_is_left_alone(tmp_path, marks):
-    scene = FakeScene(block(3), pause=1.2)
+    scene = FakeScene(block(3), pause=0.8)
     store = short_store(tmp_path / "store", scene, positions=1, protocol=ONE_ROTATION)
-    found = simulate(store, scene, timeout=TIMEOUT)  # six steps of a second each
+    found = simulate(store, scene, timeout=TIMEOUT)  # six steps, 4.8 s in all
     assert [(status.state, status.attempts) for status in found] == [(PoseState.DONE, 1)]
 
 

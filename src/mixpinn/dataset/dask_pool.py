@@ -11,6 +11,9 @@ from mixpinn.dataset.status import PoseState
 from mixpinn.dataset.store import SimulationStore
 from mixpinn.dataset.worker import Runner, run_pose
 
+_CONNECT = "20s"
+"""How long a scheduler may take to answer."""
+
 
 def connect_dask(scheduler: str) -> Any:
     """A client of the scheduler at the address `scheduler`, to be used in a ``with`` statement.
@@ -26,7 +29,7 @@ def connect_dask(scheduler: str) -> Any:
             fix="pip install 'mixpinn[distributed]'",
         ) from error
     try:
-        client = Client(scheduler, timeout="20s", set_as_default=False)
+        client = Client(scheduler, timeout=_CONNECT, set_as_default=False)
     except (OSError, ValueError, TimeoutError) as error:
         raise InputError(
             f"--scheduler {scheduler}", expected="the address of a running Dask scheduler",

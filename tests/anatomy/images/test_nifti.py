@@ -249,6 +249,13 @@ def test_matrices_that_contradict_each_other_about_the_place_are_named(tmp_path)
     assert two_matrices(tmp_path / "a.nii", matrix, matrix).notes == ()
 
 
+def test_an_sform_that_turns_two_axes_the_same_way_is_refused(tmp_path):
+    flat = np.diag([4.0, 2.0, 3.0, 1.0])
+    flat[:3, 1] = flat[:3, 0]
+    with pytest.raises(InputError, match="singular"):
+        two_matrices(tmp_path / "a.nii", flat, np.diag([4.0, 4.0, 3.0, 1.0]))
+
+
 def test_pixdim_that_contradicts_the_only_matrix_is_named(tmp_path):
     header = nib.Nifti1Header()
     header.set_data_shape(LABELS.shape)

@@ -65,6 +65,11 @@ def _sizes(affine: FloatArray) -> FloatArray:
     return size
 
 
+def _codes(affine: FloatArray) -> str:
+    """Letters of the sides that the axes go to; ? for an axis that goes nowhere of its own."""
+    return "".join(code or "?" for code in nib.aff2axcodes(affine))
+
+
 def _listed(sizes: FloatArray) -> str:
     return " × ".join(f"{size:.4g}" for size in sizes)
 
@@ -92,7 +97,7 @@ def _disagreement(
         return (_finding(path, detail, error=True),)
     s_turn, q_turn = sform[:3, :3] / s_size, qform[:3, :3] / q_size
     cosines = (s_turn * q_turn).sum(axis=0)
-    codes = "".join(nib.aff2axcodes(sform)), "".join(nib.aff2axcodes(qform))
+    codes = _codes(sform), _codes(qform)
     if np.linalg.det(s_turn) * np.linalg.det(q_turn) < 0.0:
         detail = f"sform ({codes[0]}) and qform ({codes[1]}) differ in handedness: left and right are exchanged"
         return (_finding(path, detail, error=True),)
