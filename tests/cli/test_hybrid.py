@@ -69,7 +69,7 @@ def onboarded(tmp_path_factory):
     folder = tmp_path_factory.mktemp("onboard")
     config = folder / "config.json"
     config.write_text(json.dumps({
-        "anatomy": ANATOMY, "mesh": {**MESH, "element": "linear"}, "simulation": SIMULATION,
+        "anatomy": ANATOMY, "mesh": {**MESH, "element": "linear"}, "simulation": {**SIMULATION, "refinement": None},
         "budget": {"finer": "quadratic"},
         "first_round": 4, "hybrid": {"modes": 4},
     }))

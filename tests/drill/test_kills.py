@@ -51,8 +51,8 @@ def verbs(chain, pace, tmp_path_factory):
     (folder / "contacts.csv").write_text(f"node,dx,dy,dz\n{node},0,-1,0\n")
     hybrid = ["--set", "hybrid.modes=6"]
     onboarding = {
-        "anatomy": ANATOMY, "mesh": {**mesh, "element": "linear"}, "simulation": simulation, "hybrid": {"modes": 6},
-        "budget": {"finer": "quadratic"},
+        "anatomy": ANATOMY, "mesh": {**mesh, "element": "linear"}, "simulation": {**simulation, "refinement": None},
+        "hybrid": {"modes": 6}, "budget": {"finer": "quadratic"},
         "poses": 6, "first_round": 4,
     }
     run = {**RUN, "mesh": mesh, "simulation": simulation, "models": MODELS, "evaluation": {"pictures": False}}

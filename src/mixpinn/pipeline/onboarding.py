@@ -17,7 +17,7 @@ from mixpinn.base.validated import load_record, save_record
 from mixpinn.dataset import SimulationStore, Split, build_sample_table, farthest_first, generate
 from mixpinn.evaluation import evaluate
 from mixpinn.evaluation.onboarding_report import draw_rounds, rounds_report
-from mixpinn.fem import Scene
+from mixpinn.fem import LocalRefinement, Scene
 from mixpinn.press.files import save_pose_model
 from mixpinn.press.model import PoseModel
 from mixpinn.records import SampleTable, TissueMesh
@@ -47,7 +47,8 @@ class OnboardingConfig:
     Attributes:
         anatomy: label maps.
         mesh: tetrahedra.
-        simulation: mechanics, probe, and the poses to choose from.
+        simulation: mechanics, probe, and the poses to choose from; by default each pose is solved on cells that are
+            refined under the probe.
         hybrid: modes and regression.
         poses: how many poses are simulated in all; 0 stops at the prior.
         first_round: poses of the first round; each further one doubles the number of poses, until the last, which has
@@ -59,7 +60,7 @@ class OnboardingConfig:
 
     anatomy: AnatomyConfig = field(default_factory=AnatomyConfig)
     mesh: MeshConfig = PATIENT_CELLS
-    simulation: SimulationConfig = field(default_factory=SimulationConfig)
+    simulation: SimulationConfig = field(default_factory=lambda: SimulationConfig(refinement=LocalRefinement()))
     hybrid: HybridConfig = field(default_factory=HybridConfig)
     poses: int = 40
     first_round: int = 8
