@@ -32,7 +32,8 @@ parser.add_argument("--data", type=Path, default=Path(
 parser.add_argument("--levels", nargs="+", default=["linear", "quadratic", "linear halved"])
 parser.add_argument("--edges", nargs="*", type=float, default=[20.0, 14.0, 10.0, 7.0],
                     help="longest edges under the probe [mm]: two lengths and their halves")
-parser.add_argument("--growth", type=float, default=2.0, help="of the edge length away from the probe")
+parser.add_argument("--growth", type=float, default=0.05,
+                    help="of the edge length away from the probe, per mm, as a share of the edge length under it")
 parser.add_argument("--poses", nargs="+", type=int, help="of the six, by number; by default all")
 parser.add_argument("--threads", type=int, default=1)
 parser.add_argument("--minutes", type=float, default=float("inf"))
@@ -174,7 +175,7 @@ def solve_all(base: TissueMesh, options: argparse.Namespace) -> dict[tuple[str, 
         scene, simulator = Scene(whole, probe, materials, solver=config), None
         for number in options.poses or range(len(POSES)):
             if level in edges:
-                finer = LocalRefinement(edges[level], options.growth, extrapolated=False)
+                finer = LocalRefinement(edges[level], options.growth * edges[level], extrapolated=False)
                 scene, simulator = replace(scene, mesh=refine_under(whole, probe, approach(number), finer)), None
             path = cache_folder("truth", scene.hash()) / f"pose_{number}.npz"
             result = kept(path)
@@ -255,7 +256,7 @@ def main(options: argparse.Namespace) -> None:
     for level, row in rows.items():
         print(f"{level:40s} force {100 * row['force']:.2f} %, vertebra {row['vertebra_mm']:.3f} mm "
               f"({row['vertebra_bar']:.2f} of the bar), field {row['field_mm']:.4f} mm, {row['poses']:.0f} poses")
-    default, linear = rows.get("quadratic", {}), rows.get("linear", {})
+    default, linear = rows.get(extrapolation_of(LocalRefinement().edge), {}), rows.get("linear", {})
     history.report("truth", {
         "force_error_max": default.get("force"), "vertebra_error_max_mm": default.get("vertebra_mm"),
         "vertebra_error_max_rel": default.get("vertebra_rel"), "field_error_max_mm": default.get("field_mm"),

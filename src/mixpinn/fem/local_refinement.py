@@ -1,9 +1,8 @@
 """Cells that are finer under the probe, and what is left of the error of their size.
 
-What a pose misses on a mesh is missed where the probe's edge meets the skin: a face that is half under the probe cannot
-follow both it and the skin beside it, and the faces around take part in the load. Cells far away see its resultant
-only. So the cells around the path of the probe, and no others, are halved (`mixpinn.mesh.refine_to`) until no edge is
-longer than
+Most of what a pose misses on a mesh is missed where the probe's edge meets the skin: a face that is half under the probe
+cannot follow both it and the skin beside it, and the faces around take part in the load. So the cells around the path of
+the probe are halved (`mixpinn.mesh.refine_to`) until no edge is longer than
 
     h(x) = edge + growth · d(x),
 
@@ -11,12 +10,12 @@ with d the distance from the skin that the probe meets. The facets stay.
 
 Under the rim of a rigid tool the displacement of the skin goes like the root of the distance r from the rim, as under a
 punch with an edge, and its gradient like 1/√r. What cells of size h cannot follow there has an energy of about
-∫₀ʰ (1/√r)² r dr = h: the error falls with the edge length itself, whatever the order of the cells. Two edge lengths,
-one twice the other, then tell the value without an error of that kind: 2 u(h) − u(2 h). How well that holds on a
-patient is measured by ``python -m benchmarks.truth``.
+∫₀ʰ (1/√r)² r dr = h: the error falls with the edge length itself, whatever the order of the cells. Two fields of edge
+lengths, one twice the other everywhere, then tell the value without an error of that kind: 2 u(h) − u(2 h). How well
+that holds on a patient is measured by ``python -m benchmarks.truth``.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -40,15 +39,19 @@ class LocalRefinement:
     Attributes:
         edge: longest edge under the probe [mm].
         growth: by how much longer an edge may be for each mm that it lies farther away.
-        extrapolated: whether each pose is also solved with edges twice as long, and told as what both tend to.
+        extrapolated: whether each pose is also solved with h twice as long, and told as what both tend to.
     """
 
     edge: float = 10.0
-    growth: float = 2.0
+    growth: float = 0.5
     extrapolated: bool = True
 
     def __post_init__(self) -> None:
         require_settings(self, "refinement", {**positive(self, "edge"), **not_negative(self, "growth")})
+
+    def scaled(self, factor: float) -> "LocalRefinement":
+        """With h `factor` times as long everywhere."""
+        return replace(self, edge=factor * self.edge, growth=factor * self.growth)
 
     def __str__(self) -> str:
         """In words."""

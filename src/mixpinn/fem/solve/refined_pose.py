@@ -50,7 +50,7 @@ class RefinedSimulator:
         solve = partial(self._solve, path, position_index=position_index, rotation_deg=rotation_deg, on_step=told)
         if not config.extrapolated:
             return solve(config)
-        coarser = solve(replace(config, edge=2.0 * config.edge))
+        coarser = solve(config.scaled(2.0))
         return extrapolate(self.scene.mesh, coarser, solve(config))
 
     def _solve(

@@ -192,7 +192,7 @@ def _finer_cells(base: Scene, config: BudgetConfig) -> Variant:
 def _refinement(base: Scene) -> LocalRefinement:
     """What a scene's cells are held against; finer by √2 than its own where it has one."""
     own = base.refinement
-    return LocalRefinement() if own is None else replace(own, edge=own.edge / np.sqrt(2.0), extrapolated=True)
+    return LocalRefinement() if own is None else replace(own.scaled(np.sqrt(0.5)), extrapolated=True)
 
 
 def _with_finer_cells(base: Scene, finer: Finer) -> Scene:
