@@ -1,8 +1,8 @@
 """Cells that are finer under the probe, and what is left of the error of their size.
 
-Most of what a pose misses on a mesh is missed where the probe's edge meets the skin: a face that is half under the probe
-cannot follow both it and the skin beside it, and the faces around take part in the load. So the cells around the path of
-the probe are halved (`mixpinn.mesh.refine_to`) until no edge is longer than
+Most of what a pose misses on a mesh is missed where the probe's edge meets the skin: a face that is half under the
+probe cannot follow both it and the skin beside it, and the faces around take part in the load. So the cells around the
+path of the probe are halved (`mixpinn.mesh.refine_to`) until no edge is longer than
 
     h(x) = edge + growth · d(x),
 
