@@ -97,7 +97,7 @@ def test_the_slope_of_a_points_force_is_its_derivative(friction):
         normal, force, slip, slope = np.empty(3), np.empty(3), np.empty(3), np.empty((3, 3))
         push = point_force(
             place, before, np.array([0.05, -0.1, 0.02]), 0.0, STIFFNESS, (GAP, friction, SMOOTHING), field,
-            np.empty((9, 4)), normal, force, slip, slope, tuple(np.empty((2, 3))) + tuple(np.empty((2, 3, 3))),
+            normal, force, slip, slope, tuple(np.empty((2, 3))) + tuple(np.empty((2, 3, 3))),
         )
         return push, force, slope
 

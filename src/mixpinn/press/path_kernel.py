@@ -322,13 +322,13 @@ def _approach(  # type: ignore[no-untyped-def]
 def _touches(x, stencil, weights, field, box, rotation, translation, gap, known):  # type: ignore[no-untyped-def]
     """Whether a point that is not `known` violates the gap."""
     coefficients, shape, origin, spacing = field
-    place, work, gradient = np.empty(3), np.empty((6, 4)), np.empty(3)
+    place, gradient, bend = np.empty(3), np.empty(3), np.empty((3, 3))
     for p in range(len(stencil)):
         if not known[p]:
             _in_frame(x, stencil, weights, p, rotation, translation, place)
             if not _within(place, box, gap):
                 continue
-            if distance_at(coefficients, shape, origin, spacing, place, work, gradient) < gap:
+            if distance_at(coefficients, shape, origin, spacing, place, gradient, bend) < gap:
                 return True
     return False
 

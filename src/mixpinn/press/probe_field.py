@@ -74,19 +74,18 @@ class ProbeField:
 
     def bend(self, points: AnyArray) -> FloatArray:
         """Second derivatives of the distance [1/mm] at points on the grid, shape (p, 3), shape (p, 3, 3)."""
-        points = np.ascontiguousarray(points, dtype=np.float64)
-        found = np.empty((len(points), 3, 3))
-        flat, shape = self.coefficients.ravel(), np.array(self.coefficients.shape)
-        _evaluate_bend(flat, shape, self.origin, self.spacing, points, found)
-        return found
+        return self._evaluated(points)[2]
 
     def at(self, points: AnyArray) -> tuple[FloatArray, FloatArray]:
         """Distance [mm], shape (p,), and its gradient, shape (p, 3), at points of the probe's frame, shape (p, 3)."""
+        return self._evaluated(points)[:2]
+
+    def _evaluated(self, points: AnyArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         points = np.ascontiguousarray(points, dtype=np.float64)
-        distance, gradient = np.empty(len(points)), np.empty((len(points), 3))
+        distance, gradient, bend = np.empty(len(points)), np.empty((len(points), 3)), np.empty((len(points), 3, 3))
         flat, shape = self.coefficients.ravel(), np.array(self.coefficients.shape)
-        _evaluate(flat, shape, self.origin, self.spacing, points, distance, gradient)
-        return distance, gradient
+        _evaluate(flat, shape, self.origin, self.spacing, points, distance, gradient, bend)
+        return distance, gradient, bend
 
 
 def signed_distance(points: FloatArray, vertices: FloatArray, triangles: IntArray) -> FloatArray:
@@ -173,107 +172,76 @@ def _nearest_signed(points, vertices, triangles, near, normal, edges, around, ou
 
 
 @numba.njit(cache=True, nogil=True)
-def _spline(t, value, slope):  # type: ignore[no-untyped-def]
-    """The four cubic B-splines around a place at fraction t of its cell, and their derivatives."""
+def _spline(t):  # type: ignore[no-untyped-def]
+    """The four cubic B-splines around a place at fraction t of its cell."""
     u = 1.0 - t
-    value[0] = u * u * u / 6.0
-    value[1] = (3.0 * t * t * t - 6.0 * t * t + 4.0) / 6.0
-    value[2] = (3.0 * u * u * u - 6.0 * u * u + 4.0) / 6.0
-    value[3] = t * t * t / 6.0
-    slope[0] = -0.5 * u * u
-    slope[1] = 1.5 * t * t - 2.0 * t
-    slope[2] = -1.5 * u * u + 2.0 * u
-    slope[3] = 0.5 * t * t
+    return (
+        u * u * u / 6.0, (3.0 * t * t * t - 6.0 * t * t + 4.0) / 6.0, (3.0 * u * u * u - 6.0 * u * u + 4.0) / 6.0,
+        t * t * t / 6.0,
+    )
 
 
 @numba.njit(cache=True, nogil=True)
-def distance_at(coefficients, shape, origin, spacing, place, work, gradient):  # type: ignore[no-untyped-def]
-    """Distance at one place of the probe's frame; fills its gradient. Off the grid: `FAR`, and no gradient.
-
-    `coefficients` are flat, of the given shape; `work` is (6, 4).
-    """
-    index0, index1, index2 = 0, 0, 0
-    for r in range(3):
-        at = (place[r] - origin[r]) / spacing
-        cell = int(np.floor(at))
-        if cell < 1 or cell > shape[r] - 3:
-            gradient[:] = 0.0
-            return FAR
-        _spline(at - cell, work[2 * r], work[2 * r + 1])
-        if r == 0:
-            index0 = cell - 1
-        elif r == 1:
-            index1 = cell - 1
-        else:
-            index2 = cell - 1
-    value, g0, g1, g2 = 0.0, 0.0, 0.0, 0.0
-    for i in range(4):
-        v0, d0 = work[0, i], work[1, i]
-        plane, plane1, plane2 = 0.0, 0.0, 0.0
-        for j in range(4):
-            line, line2 = 0.0, 0.0
-            first = ((index0 + i) * shape[1] + index1 + j) * shape[2] + index2
-            for k in range(4):
-                c = coefficients[first + k]
-                line += work[4, k] * c
-                line2 += work[5, k] * c
-            plane += work[2, j] * line
-            plane1 += work[3, j] * line
-            plane2 += work[2, j] * line2
-        value += v0 * plane
-        g0 += d0 * plane
-        g1 += v0 * plane1
-        g2 += v0 * plane2
-    gradient[0], gradient[1], gradient[2] = g0 / spacing, g1 / spacing, g2 / spacing
-    return value
+def _spline_slope(t):  # type: ignore[no-untyped-def]
+    """Their first derivatives."""
+    u = 1.0 - t
+    return -0.5 * u * u, 1.5 * t * t - 2.0 * t, -1.5 * u * u + 2.0 * u, 0.5 * t * t
 
 
 @numba.njit(cache=True, nogil=True)
-def distance_bend(coefficients, shape, origin, spacing, place, work, bend):  # type: ignore[no-untyped-def]
-    """Second derivatives of the distance at one place on the grid, filled into `bend` (3, 3); operands of the above.
+def _spline_bend(t):  # type: ignore[no-untyped-def]
+    """Their second derivatives."""
+    return 1.0 - t, 3.0 * t - 2.0, 1.0 - 3.0 * t, t
 
-    `work`, (9, 4), holds in its first rows what `distance_at` left there for the same place.
+
+@numba.njit(cache=True, nogil=True, fastmath={"contract"})
+def distance_at(coefficients, shape, origin, spacing, place, gradient, bend):  # type: ignore[no-untyped-def]
+    """Distance at one place of the probe's frame; fills its gradient (3,) and second derivatives (3, 3).
+
+    Off the grid: `FAR`, and derivatives are zero. `coefficients` are flat, of the given shape. The four coefficients of
+    a line lie side by side: their sums over the other two directions are kept apart, four at a time, and joined last.
     """
-    curve = work[6:]
-    index0, index1, index2 = 0, 0, 0
-    for r in range(3):
-        at = (place[r] - origin[r]) / spacing
-        cell = int(np.floor(at))
-        t = at - cell
-        curve[r, 0], curve[r, 1], curve[r, 2], curve[r, 3] = 1.0 - t, 3.0 * t - 2.0, 1.0 - 3.0 * t, t
-        if r == 0:
-            index0 = cell - 1
-        elif r == 1:
-            index1 = cell - 1
-        else:
-            index2 = cell - 1
-    b00, b01, b02, b11, b12, b22 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    for i in range(4):
-        plane, plane1, plane2, plane11, plane12, plane22 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-        for j in range(4):
-            line, line2, line22 = 0.0, 0.0, 0.0
-            first = ((index0 + i) * shape[1] + index1 + j) * shape[2] + index2
-            for k in range(4):
-                c = coefficients[first + k]
-                line += work[4, k] * c
-                line2 += work[5, k] * c
-                line22 += curve[2, k] * c
-            plane += work[2, j] * line
-            plane1 += work[3, j] * line
-            plane2 += work[2, j] * line2
-            plane11 += curve[1, j] * line
-            plane12 += work[3, j] * line2
-            plane22 += work[2, j] * line22
-        b00 += curve[0, i] * plane
-        b01 += work[1, i] * plane1
-        b02 += work[1, i] * plane2
-        b11 += work[0, i] * plane11
-        b12 += work[0, i] * plane12
-        b22 += work[0, i] * plane22
-    scale = 1.0 / (spacing * spacing)
-    bend[0, 0], bend[1, 1], bend[2, 2] = b00 * scale, b11 * scale, b22 * scale
-    bend[0, 1], bend[0, 2], bend[1, 2] = b01 * scale, b02 * scale, b12 * scale
-    bend[1, 0], bend[2, 0], bend[2, 1] = bend[0, 1], bend[0, 2], bend[1, 2]
+    a, b, c = (place[0] - origin[0]) / spacing, (place[1] - origin[1]) / spacing, (place[2] - origin[2]) / spacing
+    i, j, k = int(np.floor(a)), int(np.floor(b)), int(np.floor(c))
+    if i < 1 or j < 1 or k < 1 or i > shape[0] - 3 or j > shape[1] - 3 or k > shape[2] - 3:
+        gradient[:] = 0.0
+        bend[:] = 0.0
+        return FAR
+    a, b, c = a - i, b - j, c - k
+    u, u1, u2 = _spline(a), _spline_slope(a), _spline_bend(a)
+    v, v1, v2 = _spline(b), _spline_slope(b), _spline_bend(b)
+    w, w1, w2 = _spline(c), _spline_slope(c), _spline_bend(c)
+    a0 = a1 = a2 = a3 = b0 = b1 = b2 = b3 = c0 = c1 = c2 = c3 = 0.0
+    d0 = d1 = d2 = d3 = e0 = e1 = e2 = e3 = f0 = f1 = f2 = f3 = 0.0
+    for m in range(4):
+        p0 = p1 = p2 = p3 = q0 = q1 = q2 = q3 = r0 = r1 = r2 = r3 = 0.0
+        for n in range(4):
+            at = ((i - 1 + m) * shape[1] + j - 1 + n) * shape[2] + k - 1
+            t0, t1 = np.float64(coefficients[at]), np.float64(coefficients[at + 1])
+            t2, t3 = np.float64(coefficients[at + 2]), np.float64(coefficients[at + 3])
+            g, h, o = v[n], v1[n], v2[n]
+            p0, p1, p2, p3 = p0 + g * t0, p1 + g * t1, p2 + g * t2, p3 + g * t3
+            q0, q1, q2, q3 = q0 + h * t0, q1 + h * t1, q2 + h * t2, q3 + h * t3
+            r0, r1, r2, r3 = r0 + o * t0, r1 + o * t1, r2 + o * t2, r3 + o * t3
+        g, h, o = u[m], u1[m], u2[m]
+        a0, a1, a2, a3 = a0 + g * p0, a1 + g * p1, a2 + g * p2, a3 + g * p3
+        b0, b1, b2, b3 = b0 + h * p0, b1 + h * p1, b2 + h * p2, b3 + h * p3
+        c0, c1, c2, c3 = c0 + o * p0, c1 + o * p1, c2 + o * p2, c3 + o * p3
+        d0, d1, d2, d3 = d0 + g * q0, d1 + g * q1, d2 + g * q2, d3 + g * q3
+        e0, e1, e2, e3 = e0 + h * q0, e1 + h * q1, e2 + h * q2, e3 + h * q3
+        f0, f1, f2, f3 = f0 + g * r0, f1 + g * r1, f2 + g * r2, f3 + g * r3
+    once = 1.0 / spacing
+    twice = once * once
+    gradient[0] = once * (w[0] * b0 + w[1] * b1 + w[2] * b2 + w[3] * b3)
+    gradient[1] = once * (w[0] * d0 + w[1] * d1 + w[2] * d2 + w[3] * d3)
+    gradient[2] = once * (w1[0] * a0 + w1[1] * a1 + w1[2] * a2 + w1[3] * a3)
+    bend[0, 0] = twice * (w[0] * c0 + w[1] * c1 + w[2] * c2 + w[3] * c3)
+    bend[1, 1] = twice * (w[0] * f0 + w[1] * f1 + w[2] * f2 + w[3] * f3)
+    bend[2, 2] = twice * (w2[0] * a0 + w2[1] * a1 + w2[2] * a2 + w2[3] * a3)
+    bend[0, 1] = bend[1, 0] = twice * (w[0] * e0 + w[1] * e1 + w[2] * e2 + w[3] * e3)
+    bend[0, 2] = bend[2, 0] = twice * (w1[0] * b0 + w1[1] * b1 + w1[2] * b2 + w1[3] * b3)
+    bend[1, 2] = bend[2, 1] = twice * (w1[0] * d0 + w1[1] * d1 + w1[2] * d2 + w1[3] * d3)
+    return w[0] * a0 + w[1] * a1 + w[2] * a2 + w[3] * a3
 
 
 @numba.njit(cache=True, nogil=True)
@@ -298,15 +266,6 @@ def distance_about(coefficients, shape, origin, spacing, place):  # type: ignore
 
 
 @numba.njit(cache=True, nogil=True)
-def _evaluate(coefficients, shape, origin, spacing, points, distance, gradient):  # type: ignore[no-untyped-def]
-    work = np.empty((6, 4))
+def _evaluate(coefficients, shape, origin, spacing, points, distance, gradient, bend):  # type: ignore[no-untyped-def]
     for i in range(len(points)):
-        distance[i] = distance_at(coefficients, shape, origin, spacing, points[i], work, gradient[i])
-
-
-@numba.njit(cache=True, nogil=True)
-def _evaluate_bend(coefficients, shape, origin, spacing, points, bend):  # type: ignore[no-untyped-def]
-    work, gradient = np.empty((9, 4)), np.empty(3)
-    for i in range(len(points)):
-        distance_at(coefficients, shape, origin, spacing, points[i], work, gradient)
-        distance_bend(coefficients, shape, origin, spacing, points[i], work, bend[i])
+        distance[i] = distance_at(coefficients, shape, origin, spacing, points[i], gradient[i], bend[i])

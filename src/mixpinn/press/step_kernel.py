@@ -16,11 +16,11 @@ from typing import Any, NamedTuple
 import numba
 import numpy as np
 
-from mixpinn.base.arrays import BoolArray, FloatArray, IntArray
+from mixpinn.base.arrays import FloatArray, IntArray
 from mixpinn.physics.condensed_contact import newton_step
 from mixpinn.physics.contact_law import penalty, return_slip, slip_derivative
 from mixpinn.physics.elimination import symmetric_times
-from mixpinn.press.probe_field import FAR, distance_at, distance_bend
+from mixpinn.press.probe_field import FAR, distance_at
 
 STEEPEST = 1.3
 """The splines of distances outside probes change by less than this many times the way; 1.27 was seen."""
@@ -63,8 +63,7 @@ class Forces(NamedTuple):
 
     Attributes:
         gradient: by the nodes, shape (n, 3).
-        hessian: stiffness by nodes, shape (n, n, 3, 3), filled where they are `touched` (n,).
-        touched: see above.
+        slope: stiffness of each point, −∂force/∂place in the world, shape (c, 3, 3), filled where it is pushed.
         push: normal force of each contact, shape (c,).
         slip: elastic slip of each in the probe's frame, shape (c, 3).
         pull: force on each point in the world, shape (c, 3).
@@ -73,8 +72,7 @@ class Forces(NamedTuple):
     """
 
     gradient: FloatArray
-    hessian: FloatArray
-    touched: BoolArray
+    slope: FloatArray
     push: FloatArray
     slip: FloatArray
     pull: FloatArray
@@ -90,19 +88,19 @@ def field_of(fields, k):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True, nogil=True)
 def point_force(  # type: ignore[no-untyped-def]
-    place, before, carried, lead, stiffness, law, field, work, normal, force, slip, slope, room,
+    place, before, carried, lead, stiffness, law, field, normal, force, slip, slope, room,
 ):
     """Force on one point in the probe's frame, its elastic slip, and −∂force/∂place, exact.
 
     Returns N, or the violation where it is negative and known: off the grid of distances 0.
 
-    `law` holds gap, μ and δ; `field` the coefficients, shape, origin and spacing of a `ProbeField`; `work` (9, 4) and
-    `room`, two vectors and two matrices, are to work in. Without contact nothing but the slip, zero, is filled.
+    `law` holds gap, μ and δ; `field` the coefficients, shape, origin and spacing of a `ProbeField`; `room`, two
+    vectors and two matrices, is to work in. Without contact nothing but the slip, zero, is filled.
     """
     across, leaning, bend, turn = room
     coefficients, shape, origin, spacing = field
     gap, friction, delta = law
-    distance = distance_at(coefficients, shape, origin, spacing, place, work, normal)
+    distance = distance_at(coefficients, shape, origin, spacing, place, normal, bend)
     violation = gap - distance + lead
     slip[0], slip[1], slip[2] = 0.0, 0.0, 0.0
     if distance >= FAR:
@@ -116,7 +114,6 @@ def point_force(  # type: ignore[no-untyped-def]
         normal[r] /= size
     _, push, rise = penalty(violation, stiffness, delta)
     # How the normal turns when the place moves: (1 − n nᵀ) ∇∇d / |∇d|.
-    distance_bend(coefficients, shape, origin, spacing, place, work, bend)
     for c in range(3):
         along = (normal[0] * bend[0, c] + normal[1] * bend[1, c] + normal[2] * bend[2, c]) / size
         for r in range(3):
@@ -146,62 +143,63 @@ def point_force(  # type: ignore[no-untyped-def]
     return push
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, fastmath={"contract"})
 def _all_forces(x, contacts, forces):  # type: ignore[no-untyped-def]
     """Fill `forces`, a `Forces`, with those of `contacts` at node positions x."""
     pairs, stencil, weights, law = contacts.pairs, contacts.stencil, contacts.weights, contacts.law
-    gradient, hessian, touched, seen = forces.gradient, forces.hessian, forces.touched, forces.seen
-    push, slip, world_force = forces.push, forces.slip, forces.pull
+    before, carried, leads, stiffness = contacts.before, contacts.carried, contacts.lead, contacts.stiffness
+    gradient, slopes, push, seen = forces.gradient, forces.slope, forces.push, forces.seen
+    slips, pull = forces.slip, forces.pull
     gradient[:] = 0.0
-    touched[:] = False
-    place, normal, force, slope = np.empty(3), np.empty(3), np.empty(3), np.empty((3, 3))
+    place, was, had = np.empty(3), np.empty(3), np.empty(3)
+    normal, force, slip, slope = np.empty(3), np.empty(3), np.empty(3), np.empty((3, 3))
     room = (np.empty(3), np.empty(3), np.empty((3, 3)), np.empty((3, 3)))
-    world, turned, work = np.empty((3, 3)), np.empty((3, 3)), np.empty((9, 4))
-    width = stencil.shape[1]
+    turned, width = np.empty((3, 3)), stencil.shape[1]
+    probe = 0
+    rotation, translation, field = contacts.rotations[0], contacts.translations[0], field_of(contacts.fields, 0)
     for c in range(len(pairs)):
-        k, p = pairs[c, 0], pairs[c, 1]
-        rotation, translation = contacts.rotations[k], contacts.translations[k]
+        if pairs[c, 0] != probe:  # slices of arrays are dear: only where they change
+            probe = pairs[c, 0]
+            rotation, translation = contacts.rotations[probe], contacts.translations[probe]
+            field = field_of(contacts.fields, probe)
         x0, x1, x2 = -translation[0], -translation[1], -translation[2]
         for i in range(width):
             w, node = weights[c, i], stencil[c, i]
             x0 += w * x[node, 0]
             x1 += w * x[node, 1]
             x2 += w * x[node, 2]
-        for r in range(3):
-            place[r] = rotation[0, r] * x0 + rotation[1, r] * x1 + rotation[2, r] * x2
         moved = 0.0
         for r in range(3):
+            place[r] = rotation[0, r] * x0 + rotation[1, r] * x1 + rotation[2, r] * x2
             moved += (place[r] - seen[c, r]) ** 2
         if STEEPEST**2 * moved < seen[c, 3] ** 2:
             push[c] = 0.0
-            slip[c, 0], slip[c, 1], slip[c, 2] = 0.0, 0.0, 0.0
-            world_force[c, 0], world_force[c, 1], world_force[c, 2] = 0.0, 0.0, 0.0
-            continue
-        push[c] = point_force(
-            place, contacts.before[c], contacts.carried[c], contacts.lead[c], contacts.stiffness[p], law,
-            field_of(contacts.fields, k), work, normal, force, slip[c], slope, room,
-        )
-        seen[c, 3] = 0.0
-        if push[c] <= 0.0:
-            # No contact: `push` is the negative distance from the gap.
-            seen[c, 3] = -push[c]
             for r in range(3):
-                seen[c, r] = place[r]
-            push[c] = 0.0
-            world_force[c, 0], world_force[c, 1], world_force[c, 2] = 0.0, 0.0, 0.0
+                slips[c, r], pull[c, r] = 0.0, 0.0
+            continue
+        for r in range(3):
+            was[r], had[r] = before[c, r], carried[c, r]
+        pushed = point_force(
+            place, was, had, leads[c], stiffness[pairs[c, 1]], law, field, normal, force, slip, slope, room,
+        )
+        for r in range(3):
+            slips[c, r] = slip[r]
+        push[c], seen[c, 3] = pushed, 0.0
+        if pushed <= 0.0:
+            # No contact: it is the negative distance from the gap.
+            push[c], seen[c, 3] = 0.0, -pushed
+            for r in range(3):
+                seen[c, r], pull[c, r] = place[r], 0.0
             continue
         f0 = rotation[0, 0] * force[0] + rotation[0, 1] * force[1] + rotation[0, 2] * force[2]
         f1 = rotation[1, 0] * force[0] + rotation[1, 1] * force[1] + rotation[1, 2] * force[2]
         f2 = rotation[2, 0] * force[0] + rotation[2, 1] * force[1] + rotation[2, 2] * force[2]
-        world_force[c, 0], world_force[c, 1], world_force[c, 2] = f0, f1, f2
+        pull[c, 0], pull[c, 1], pull[c, 2] = f0, f1, f2
         for i in range(width):
             w, node = weights[c, i], stencil[c, i]
             gradient[node, 0] -= w * f0
             gradient[node, 1] -= w * f1
             gradient[node, 2] -= w * f2
-            if not touched[node]:
-                touched[node] = True
-                hessian[node] = 0.0
         for r in range(3):
             for q in range(3):
                 turned[r, q] = (
@@ -209,31 +207,42 @@ def _all_forces(x, contacts, forces):  # type: ignore[no-untyped-def]
                 )
         for r in range(3):
             for q in range(3):
-                world[r, q] = (
+                slopes[c, r, q] = (
                     turned[r, 0] * rotation[q, 0] + turned[r, 1] * rotation[q, 1] + turned[r, 2] * rotation[q, 2]
                 )
-        for i in range(width):
-            for j in range(width):
-                ww = weights[c, i] * weights[c, j]
-                block = hessian[stencil[c, i], stencil[c, j]]
+
+
+@numba.njit(cache=True, nogil=True, fastmath={"contract"})
+def _stiffness_of_touched(contacts, forces):  # type: ignore[no-untyped-def]
+    """H among the unknowns of the nodes that points which are pushed hang on, (3 a, 3 a), and these unknowns, (3 a,)."""
+    stencil, weights, push, slope = contacts.stencil, contacts.weights, forces.push, forces.slope
+    width, local = stencil.shape[1], np.full(len(forces.gradient), -1)
+    for c in range(len(push)):
+        if push[c] > 0.0:
+            for i in range(width):
+                local[stencil[c, i]] = 0
+    a = 0
+    for node in range(len(local)):
+        if local[node] == 0:
+            local[node] = 3 * a
+            a += 1
+    stiffness, unknowns = np.zeros((3 * a, 3 * a)), np.empty(3 * a, np.int64)
+    for node in range(len(local)):
+        if local[node] >= 0:
+            for r in range(3):
+                unknowns[local[node] + r] = 3 * node + r
+    for c in range(len(push)):
+        if push[c] > 0.0:
+            for i in range(width):
+                first, w = local[stencil[c, i]], weights[c, i]
                 for r in range(3):
-                    for q in range(3):
-                        block[r, q] += ww * world[r, q]
-
-
-@numba.njit(cache=True, nogil=True)
-def _stiffness_of_touched(hessian, touched):  # type: ignore[no-untyped-def]
-    """H among the unknowns of the touched nodes, (3 a, 3 a), and these unknowns, (3 a,)."""
-    nodes = np.flatnonzero(touched)
-    a = len(nodes)
-    stiffness, unknowns = np.empty((3 * a, 3 * a)), np.empty(3 * a, np.int64)
-    for i in range(a):
-        for r in range(3):
-            unknowns[3 * i + r] = 3 * nodes[i] + r
-            row = stiffness[3 * i + r]
-            for j in range(a):
-                block = hessian[nodes[i], nodes[j], r]
-                row[3 * j], row[3 * j + 1], row[3 * j + 2] = block[0], block[1], block[2]
+                    s0, s1, s2 = w * slope[c, r, 0], w * slope[c, r, 1], w * slope[c, r, 2]
+                    row = stiffness[first + r]
+                    for j in range(width):
+                        second, other = local[stencil[c, j]], weights[c, j]
+                        row[second] += other * s0
+                        row[second + 1] += other * s1
+                        row[second + 2] += other * s2
     return stiffness, unknowns
 
 
@@ -264,9 +273,9 @@ def solve_step(  # type: ignore[no-untyped-def]
     for i in range(m):
         y[i] = -moved[i]
     count = len(contacts.pairs)
-    gradient, hessian, touched = np.zeros((n, 3)), np.empty((n, n, 3, 3)), np.zeros(n, np.bool_)
+    gradient = np.zeros((n, 3))
     forces = Forces(
-        gradient, hessian, touched, np.zeros(count), np.zeros((count, 3)), np.zeros((count, 3)), clear,
+        gradient, np.empty((count, 3, 3)), np.zeros(count), np.zeros((count, 3)), np.zeros((count, 3)), clear,
     )
     rest = free.copy().reshape(m)
     converged = False
@@ -276,7 +285,7 @@ def solve_step(  # type: ignore[no-untyped-def]
     if np.abs(raised).max() > 0.0:
         # Without the probe the skin would rise; held by it, it stays: Δλ = (1 + H W)⁻¹ H lift.
         _all_forces((rest - raised + y).reshape(n, 3), contacts, forces)
-        inner, unknowns = _stiffness_of_touched(hessian, touched)
+        inner, unknowns = _stiffness_of_touched(contacts, forces)
         error[:] = 0.0
         for i in range(len(unknowns)):
             for j in range(len(unknowns)):
@@ -301,7 +310,7 @@ def solve_step(  # type: ignore[no-untyped-def]
             break
         symmetric_times(compliance, error, response)
         size = (error * response).sum()
-        inner, unknowns = _stiffness_of_touched(hessian, touched)
+        inner, unknowns = _stiffness_of_touched(contacts, forces)
         if not newton_step(compliance, error, inner, unknowns, change, move):
             break
         length, best, least = min(1.0, _LARGEST_MOVE / max(np.abs(move).max(), 1e-12)), 0.0, np.inf
