@@ -13,8 +13,11 @@ from mixpinn.press.step_kernel import STEEPEST, Contacts, field_of, solve_step
 
 _SLACK = 1.5
 """Points of the skin that would come this close to touching are followed during a step [mm]."""
-_ON_THE_WAY = 1e-3
-"""Tolerance of all steps but the last, which has its own."""
+_DEEP = 0.85
+"""At first touch the points begin to push that the probe has come upon by more than this part of the deepest."""
+_ON_THE_WAY = 5e-3
+"""Tolerance of all steps but the last, which has its own. The nodes lie where the forces λ put them; what the law of
+contact says there differs by this part, and with it the places by this part of the violations of the gap alone."""
 
 
 class Skin(NamedTuple):
@@ -40,7 +43,7 @@ class Path(NamedTuple):
 
 @numba.njit(cache=True, nogil=True)
 def follow(  # type: ignore[no-untyped-def]
-    rest, compliance, skin, fields, path, force, slip, leads, law, tolerance, max_iterations,
+    rest, compliance, skin, fields, path, force, slip, push, leads, law, tolerance, max_iterations,
 ):
     """Go along a path of placements, each step from the equilibrium of the one before.
 
@@ -50,7 +53,8 @@ def follow(  # type: ignore[no-untyped-def]
         skin: a `Skin`.
         fields: of the probes, joined (see `field_of`).
         path: a `Path`.
-        force, slip: λ (3 n,) and elastic slips in the probes' frames (k, p, 3) before the first step.
+        force, slip, push: λ (3 n,), elastic slips in the probes' frames (k, p, 3) and normal forces (k, p) before the
+            first step; normal forces only help to find those after it.
         leads: v₀ of every point under every probe, shape (k, p).
         law: gap, μ, δ.
         tolerance: of the forces after the last step, relative.
@@ -62,9 +66,9 @@ def follow(  # type: ignore[no-untyped-def]
     """
     n_steps, n_probes = path.rotations.shape[0] - 1, path.rotations.shape[1]
     n, n_points = len(rest), len(skin.stencil)
-    force, slip = force.copy(), slip.copy()
+    force, slip, push = force.copy(), slip.copy(), push.copy()
     earlier, had_earlier, before_length = force.copy(), False, 0.0
-    push, pull = np.zeros((n_probes, n_points)), np.zeros((n_probes, n_points, 3))
+    pull = np.zeros((n_probes, n_points, 3))
     ahead, places = np.empty((n_probes, n_points)), np.empty((n_probes, n_points, 3))
     asked = np.zeros((2, n_probes, n_points, 4))
     used = 0
@@ -88,8 +92,8 @@ def follow(  # type: ignore[no-untyped-def]
             part, near, lift, begin = _restrict(nodes, rest, compliance, path, step, force, earlier, ratio, guess)
             contacts = _contacts(pairs, local, skin, fields, path, step, x, slip, leads, law)
             found, forces, converged, iterations = solve_step(
-                near, lift, part, begin, contacts, _clear(pairs, ahead, places), tolerance if last else
-                max(tolerance, _ON_THE_WAY), max_iterations,
+                near, lift, part, begin, contacts, _first(pairs, push, ahead), _clear(pairs, ahead, places),
+                tolerance if last else max(tolerance, _ON_THE_WAY), max_iterations,
             )
             used += iterations
             if not converged or _inside(pairs, contacts, forces.push):
@@ -100,7 +104,7 @@ def follow(  # type: ignore[no-untyped-def]
             answer = np.zeros(3 * n)
             for i in range(len(nodes)):
                 for r in range(3):
-                    answer[3 * nodes[i] + r] = found[3 * i + r]
+                    answer[3 * nodes[i] + r] = forces.gradient[i, r] if last else found[3 * i + r]
             # Skin that nothing followed must not have come under the probe; on the way the next step will see it.
             if last and _beside(_positions(rest, path.shifts[step + 1], compliance, answer), skin, fields, path, step,
                                 law[0], chosen):
@@ -174,6 +178,20 @@ def _clear(pairs, ahead, places):  # type: ignore[no-untyped-def]
             found[c, r] = places[k, p, r]
         if ahead[k, p] > -0.5 * FAR:  # off the grid of distances nothing is known
             found[c, 3] = max(0.0, -ahead[k, p])
+    return found
+
+
+@numba.njit(cache=True, nogil=True)
+def _first(pairs, push, ahead):  # type: ignore[no-untyped-def]
+    """Which of `pairs` are pushed before the step, flags (c,); where none is, those that the probe comes deepest on."""
+    found, any_pushed, deepest = np.zeros(len(pairs), np.bool_), False, 0.0
+    for c in range(len(pairs)):
+        k, p = pairs[c, 0], pairs[c, 1]
+        found[c], deepest = push[k, p] > 0.0, max(deepest, ahead[k, p])
+        any_pushed = any_pushed or found[c]
+    if not any_pushed:
+        for c in range(len(pairs)):
+            found[c] = ahead[pairs[c, 0], pairs[c, 1]] > _DEEP * deepest
     return found
 
 

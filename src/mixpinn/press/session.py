@@ -119,8 +119,8 @@ class ContactSession:
         force, slip, push, pull, done, used = follow(
             contact.rest[self.patch], self.compliance,
             Skin(self.stencil, skin.weights[self.points], config.stiffness * skin.area[self.points]),
-            self.placed.joined, Path(path[0], path[1], shifts), self.force, self.slip, self.lead,
-            (config.gap, friction, config.smoothing), config.tolerance, config.max_iterations,
+            self.placed.joined, Path(path[0], path[1], shifts), self.force, self.slip,
+            self.push, self.lead, (config.gap, friction, config.smoothing), config.tolerance, config.max_iterations,
         )
         placed = replace(self.placed, rotations=path[0][done], translations=path[1][done])
         return replace(

@@ -246,9 +246,22 @@ def _stiffness_of_touched(contacts, forces):  # type: ignore[no-untyped-def]
     return stiffness, unknowns
 
 
+@numba.njit(cache=True, nogil=True, fastmath={"contract"})
+def _unbalanced(gradient, lam, error):  # type: ignore[no-untyped-def]
+    """Fills `error` with g − λ; returns its norm relative to that of g."""
+    total, off = 0.0, 0.0
+    for i in range(len(gradient)):
+        for r in range(3):
+            g = gradient[i, r]
+            error[3 * i + r] = g - lam[3 * i + r]
+            total += g * g
+            off += error[3 * i + r] ** 2
+    return np.sqrt(off) / max(np.sqrt(total), 1e-2)
+
+
 @numba.njit(cache=True, nogil=True)
 def solve_step(  # type: ignore[no-untyped-def]
-    free, lift, compliance, start, contacts, clear, tolerance, max_iterations,
+    free, lift, compliance, start, contacts, first, clear, tolerance, max_iterations,
 ):
     """Forces λ on the nodes near the probe in equilibrium with contact at one placement of the probes.
 
@@ -258,29 +271,25 @@ def solve_step(  # type: ignore[no-untyped-def]
         compliance: of these nodes, shape (3 n, 3 n).
         start: first guess of λ, shape (3 n,).
         contacts: a `Contacts`; its stencil counts the nodes here.
+        first: which of them may push in the first step of Newton's method, flags (c,). What the probe has come upon is
+            far more than what it touches once those that it holds already have given way.
         clear: a first `Forces.seen`.
         tolerance: of the forces, relative.
         max_iterations: of Newton's method.
 
     Returns:
-        λ, the `Forces` there, whether it converged, iterations.
+        λ with which the nodes lie where the `Forces` belong to, these, whether it converged, iterations.
     """
-    m = len(start)
+    m, count = len(start), len(contacts.pairs)
     n = m // 3
-    lam = start.copy()
-    y, moved = np.empty(m), np.empty(m)
-    symmetric_times(compliance, lam, moved)
-    for i in range(m):
-        y[i] = -moved[i]
-    count = len(contacts.pairs)
+    lam, y = start.copy(), np.empty(m)
     gradient = np.zeros((n, 3))
     forces = Forces(
         gradient, np.empty((count, 3, 3)), np.zeros(count), np.zeros((count, 3)), np.zeros((count, 3)), clear,
     )
     rest = free.copy().reshape(m)
-    converged = False
-    iteration = 0
-    error, change, move, response = np.empty(m), np.empty(m), np.empty(m), np.empty(m)
+    error, change, move = np.empty(m), np.empty(m), np.empty(m)
+    _moved(compliance, lam, y)
     raised = lift.copy().reshape(m)
     if np.abs(raised).max() > 0.0:
         # Without the probe the skin would rise; held by it, it stays: Δλ = (1 + H W)⁻¹ H lift.
@@ -293,26 +302,63 @@ def solve_step(  # type: ignore[no-untyped-def]
         if newton_step(compliance, error, inner, unknowns, change, move):
             for i in range(m):
                 lam[i] += change[i]
-            symmetric_times(compliance, lam, moved)
-            for i in range(m):
-                y[i] = -moved[i]
+            _moved(compliance, lam, y)
+    begin = lam.copy()
     _all_forces((rest + y).reshape(n, 3), contacts, forces)
-    for iteration in range(max_iterations):  # noqa: B007 (read after the loop)
-        total, off = 0.0, 0.0
-        for i in range(n):
-            for r in range(3):
-                g = gradient[i, r]
-                error[3 * i + r] = g - lam[3 * i + r]
-                total += g * g
-                off += error[3 * i + r] ** 2
-        if np.sqrt(off) <= tolerance * max(np.sqrt(total), 1e-2):
-            converged = True
-            break
+    for c in range(count):
+        if not first[c] and forces.push[c] > 0.0:
+            _leave_out(c, contacts, forces)
+    _unbalanced(gradient, lam, error)
+    inner, unknowns = _stiffness_of_touched(contacts, forces)
+    if newton_step(compliance, error, inner, unknowns, change, move):
+        length = min(1.0, _LARGEST_MOVE / max(np.abs(move).max(), 1e-12))
+        for i in range(m):
+            y[i] -= length * move[i]
+            lam[i] += length * change[i]
+    converged, used = _search(rest, compliance, contacts, forces, y, lam, tolerance, max_iterations)
+    if not converged:
+        lam[:] = begin
+        _moved(compliance, lam, y)
+        converged, more = _search(rest, compliance, contacts, forces, y, lam, tolerance, max_iterations)
+        used += more
+    return lam, forces, converged, used + 1
+
+
+@numba.njit(cache=True, nogil=True)
+def _moved(compliance, lam, y):  # type: ignore[no-untyped-def]
+    """Fills y with −W λ."""
+    symmetric_times(compliance, lam, y)
+    for i in range(len(y)):
+        y[i] = -y[i]
+
+
+@numba.njit(cache=True, nogil=True)
+def _leave_out(c, contacts, forces):  # type: ignore[no-untyped-def]
+    """Take contact c out of `forces`."""
+    forces.push[c] = 0.0
+    for i in range(contacts.stencil.shape[1]):
+        for r in range(3):
+            forces.gradient[contacts.stencil[c, i], r] += contacts.weights[c, i] * forces.pull[c, r]
+
+
+@numba.njit(cache=True, nogil=True)
+def _search(rest, compliance, contacts, forces, y, lam, tolerance, max_iterations):  # type: ignore[no-untyped-def]
+    """Newton's method from y and λ, which it changes, each step shortened until the error falls.
+
+    Returns whether it converged, and iterations.
+    """
+    m = len(lam)
+    n, gradient = m // 3, forces.gradient
+    error, change, move, response = np.empty(m), np.empty(m), np.empty(m), np.empty(m)
+    _all_forces((rest + y).reshape(n, 3), contacts, forces)
+    for iteration in range(max_iterations):
+        if _unbalanced(gradient, lam, error) <= tolerance:
+            return True, iteration
         symmetric_times(compliance, error, response)
         size = (error * response).sum()
         inner, unknowns = _stiffness_of_touched(contacts, forces)
         if not newton_step(compliance, error, inner, unknowns, change, move):
-            break
+            return False, iteration
         length, best, least = min(1.0, _LARGEST_MOVE / max(np.abs(move).max(), 1e-12)), 0.0, np.inf
         for _ in range(7):
             _all_forces((rest + y - length * move).reshape(n, 3), contacts, forces)
@@ -331,7 +377,4 @@ def solve_step(  # type: ignore[no-untyped-def]
         for i in range(m):
             y[i] -= length * move[i]
             lam[i] += length * change[i]
-    if converged:
-        for i in range(m):
-            lam[i] = gradient[i // 3, i % 3]
-    return lam, forces, converged, iteration
+    return False, max_iterations
