@@ -214,7 +214,7 @@ def _all_forces(x, contacts, forces):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True, nogil=True, fastmath={"contract"})
 def _stiffness_of_touched(contacts, forces):  # type: ignore[no-untyped-def]
-    """H among the unknowns of the nodes that points which are pushed hang on, (3 a, 3 a), and these unknowns, (3 a,)."""
+    """H among the unknowns of the nodes that pushed points hang on, (3 a, 3 a), and these unknowns, (3 a,)."""
     stencil, weights, push, slope = contacts.stencil, contacts.weights, forces.push, forces.slope
     width, local = stencil.shape[1], np.full(len(forces.gradient), -1)
     for c in range(len(push)):
