@@ -4,7 +4,11 @@ import os
 import subprocess
 import sys
 
+import pytest
+
+from mixpinn.cli import main
 from mixpinn.records import TissueMesh
+from pipeline.chain import command
 
 
 def run(*words):
@@ -38,3 +42,21 @@ def test_usage():
     ended = run("anatomy")
     assert ended.returncode == 2
     assert "Traceback" not in ended.stderr
+
+
+def test_closed_output_is_one_that_nobody_reads(chain, monkeypatch):
+    for name in ("stdout", "stderr"):
+        monkeypatch.setattr(sys, name, None)
+    monkeypatch.setattr(sys, "argv", ["mixpinn", "dataset", str(chain.simulation)])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 0
+
+
+def test_a_current_folder_that_is_gone_is_one_line(tmp_path, monkeypatch):
+    (tmp_path / "gone").mkdir()
+    monkeypatch.chdir(tmp_path / "gone")
+    (tmp_path / "gone").rmdir()
+    outcome = command("dataset", tmp_path)
+    assert outcome.code == 2
+    assert outcome.lines == ["mixpinn: the current folder was removed; change to another one"]

@@ -18,7 +18,9 @@ from mixpinn.base.arrays import AnyArray
 from mixpinn.base.errors import InputError
 from mixpinn.base.unfinished import PREFIX, held, sweep
 
-NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EACCES, errno.EPERM, errno.EROFS)
+NO_RIGHT = (errno.EACCES, errno.EPERM, errno.EROFS)
+"""What the system says where permission is wanting."""
+NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, *NO_RIGHT)
 """What the system says where a file cannot be written for want of room or permission."""
 NO_PATH = (errno.ENAMETOOLONG, errno.ELOOP, errno.ENOENT, errno.ENOTDIR, errno.EISDIR, errno.EINVAL, errno.EIO,
            errno.ESTALE)

@@ -1,6 +1,7 @@
 """The command line: one verb a stage, each a few lines that call the stage's public function."""
 
 import logging
+import os
 import signal
 import sys
 import warnings
@@ -31,6 +32,7 @@ def main() -> None:
     _print_on_any_terminal()
     hear_signals()
     try:
+        _stand_somewhere()
         _run()
     except KeyboardInterrupt:
         _leave("stopped; the same command goes on from here", exit_code())
@@ -38,7 +40,7 @@ def main() -> None:
 
 def _run() -> None:
     from mixpinn.base.errors import MixpinnError, SolveError
-    from mixpinn.base.files import NO_PATH, NO_ROOM
+    from mixpinn.base.files import NO_PATH, NO_RIGHT, NO_ROOM
 
     try:
         _refuse_empty_words(sys.argv[1:])
@@ -54,11 +56,22 @@ def _run() -> None:
     except MemoryError as error:
         _leave(f"the memory at hand is not enough ({' '.join(str(error).split()) or 'no size known'}); ask for less", 2)
     except OSError as error:
+        if error.errno in NO_RIGHT:
+            _leave(f"{error.filename or 'output'}: {error.strerror}; check its permissions or choose another folder", 2)
         if error.errno in NO_ROOM:
             _leave(f"{error.filename or 'output'}: {error.strerror}; free some space or choose another folder", 2)
         if error.errno not in NO_PATH or error.filename is None:
             raise
         _leave(f"{str(error.filename)[:_SHOWN]}: {error.strerror}; check the path", 2)
+
+
+def _stand_somewhere() -> None:
+    """Libraries end the process where the current folder is gone, each in words of its own."""
+    try:
+        os.getcwd()
+    except FileNotFoundError:
+        print("mixpinn: the current folder was removed; change to another one", file=sys.stderr)
+        sys.exit(2)
 
 
 def _refuse_empty_words(words: list[str]) -> None:
@@ -83,7 +96,9 @@ def _application() -> Any:
 
 
 def _print_on_any_terminal() -> None:
-    """Signs that the terminal's encoding lacks are replaced."""
+    """Signs that the terminal's encoding lacks are replaced; a stream that was closed is one that nobody reads."""
+    sys.stdout = sys.stdout or open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115 (for as long as the process)
+    sys.stderr = sys.stderr or open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
     for stream in (sys.stdout, sys.stderr):
         reconfigure = getattr(stream, "reconfigure", None)
         if reconfigure is not None:
