@@ -70,16 +70,17 @@ def follow(  # type: ignore[no-untyped-def]
     earlier, had_earlier, before_length = force.copy(), False, 0.0
     pull = np.zeros((n_probes, n_points, 3))
     ahead, places = np.empty((n_probes, n_points)), np.empty((n_probes, n_points, 3))
-    asked = np.zeros((2, n_probes, n_points, 4))
+    rooms, where = np.zeros((2, n_probes, n_points)), np.zeros((2, n_probes, n, 3))
+    spread = _spread(skin.weights)
+    chosen = np.empty((n_probes, n_points), np.bool_)
     used = 0
     local = np.full(n, -1)
     for step in range(n_steps):
         x = _positions(rest, path.shifts[step], compliance, force)
-        length = _look_ahead(x, skin, fields, path, step, law[0], ahead, places, asked)
+        length = _look_ahead(x, skin, spread, fields, path, step, law[0], slip, ahead, places, rooms, where)
         slack, done, last, guess = _SLACK, False, step == n_steps - 1, 0
         for _ in range(4):
-            chosen = _followed(ahead, slip, slack)
-            pairs = np.argwhere(chosen)
+            pairs = _followed(ahead, slip, slack, chosen)
             if not len(pairs):
                 force[:] = 0.0
                 push[:], pull[:] = 0.0, 0.0
@@ -109,8 +110,8 @@ def follow(  # type: ignore[no-untyped-def]
             if last and _beside(_positions(rest, path.shifts[step + 1], compliance, answer), skin, fields, path, step,
                                 law[0], chosen):
                 slack *= 4.0
-                asked[:] = 0.0
-                _look_ahead(x, skin, fields, path, step, law[0], ahead, places, asked)
+                rooms[:] = 0.0
+                _look_ahead(x, skin, spread, fields, path, step, law[0], slip, ahead, places, rooms, where)
                 continue
             earlier[:] = force
             force[:] = answer
@@ -141,11 +142,26 @@ def _inside(pairs, contacts, push):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True)
-def _look_ahead(x, skin, fields, path, step, gap, ahead, places, asked):  # type: ignore[no-untyped-def]
+def _spread(weights):  # type: ignore[no-untyped-def]
+    """A point moves at most this many times as far as the node that moves farthest."""
+    most = 1.0
+    for p in range(len(weights)):
+        total = 0.0
+        for i in range(weights.shape[1]):
+            total += abs(weights[p, i])
+        most = max(most, total)
+    return most
+
+
+@numba.njit(cache=True, nogil=True)
+def _look_ahead(  # type: ignore[no-untyped-def]
+    x, skin, spread, fields, path, step, gap, slip, ahead, places, rooms, where,
+):
     """By how much each point may violate the gap after a step, at worst before or after the nodes shift (`ahead`), and
     where it lies in the frame of the probe then (`places`); returns the longest way of a probe.
 
-    `asked`, (2, k, p, 4), remembers for both where a point was when its distance was asked for, and what was found.
+    For both, `rooms`, (2, k, p), tells how far each point may still move before it matters, and `where`, (2, k, n, 3),
+    where the nodes were.
     """
     shifts, length = path.shifts, 0.0
     shifting = (shifts[step + 1] != shifts[step]).any()
@@ -155,12 +171,13 @@ def _look_ahead(x, skin, fields, path, step, gap, ahead, places, asked):  # type
         rotation, translation = path.rotations[step + 1, k], path.translations[step + 1, k]
         field, box = field_of(fields, k), (fields[5][k], fields[6][k])
         _approach(
-            raised, skin.stencil, skin.weights, field, box, rotation, translation, gap, ahead[k], places[k],
-            asked[0, k],
+            raised, skin, spread, field, box, rotation, translation, gap, slip[k], ahead[k], places[k], rooms[0, k],
+            where[0, k],
         )
         if shifting:
             _approach(
-                x, skin.stencil, skin.weights, field, box, rotation, translation, gap, other, elsewhere, asked[1, k],
+                x, skin, spread, field, box, rotation, translation, gap, slip[k], other, elsewhere, rooms[1, k],
+                where[1, k],
             )
             ahead[k] = np.maximum(ahead[k], other)
         moved = translation - path.translations[step, k]
@@ -196,14 +213,22 @@ def _first(pairs, push, ahead):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True)
-def _followed(violation, slip, slack):  # type: ignore[no-untyped-def]
-    """Points that a step follows: near to touching, or sticking before it; flags (k, p)."""
-    chosen = violation > -slack
+def _followed(violation, slip, slack, chosen):  # type: ignore[no-untyped-def]
+    """Points that a step follows: near to touching, or sticking before it; fills flags (k, p), and returns (c, 2)."""
+    count = 0
     for k in range(len(chosen)):
         for p in range(chosen.shape[1]):
-            if slip[k, p, 0] != 0.0 or slip[k, p, 1] != 0.0 or slip[k, p, 2] != 0.0:
-                chosen[k, p] = True
-    return chosen
+            chosen[k, p] = violation[k, p] > -slack or (
+                slip[k, p, 0] != 0.0 or slip[k, p, 1] != 0.0 or slip[k, p, 2] != 0.0
+            )
+            count += chosen[k, p]
+    pairs, c = np.empty((count, 2), np.int64), 0
+    for k in range(len(chosen)):
+        for p in range(chosen.shape[1]):
+            if chosen[k, p]:
+                pairs[c, 0], pairs[c, 1] = k, p
+                c += 1
+    return pairs
 
 
 @numba.njit(cache=True, nogil=True)
@@ -299,41 +324,60 @@ def _in_frame(x, stencil, weights, p, rotation, translation, place):  # type: ig
         place[r] = rotation[0, r] * x0 + rotation[1, r] * x1 + rotation[2, r] * x2
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
-def _within(place, box, reach):  # type: ignore[no-untyped-def]
-    """Whether a place lies in a box widened by `reach`."""
-    inside = True
-    for r in range(3):
-        inside = inside and box[0][r] - reach <= place[r] <= box[1][r] + reach
-    return inside
+@numba.njit(cache=True, nogil=True)
+def _beyond(x0, x1, x2, box):  # type: ignore[no-untyped-def]
+    """How far a place lies beyond a box at least; negative inside."""
+    low, high = box
+    away = max(low[0] - x0, x0 - high[0])
+    away = max(away, max(low[1] - x1, x1 - high[1]))
+    return max(away, max(low[2] - x2, x2 - high[2]))
 
 
 @numba.njit(cache=True, nogil=True)
 def _approach(  # type: ignore[no-untyped-def]
-    x, stencil, weights, field, box, rotation, translation, gap, violation, places, asked,
+    x, skin, spread, field, box, rotation, translation, gap, slip, violation, places, room, where,
 ):
     """Points in the frame of a probe, and by how much they violate the gap there at most.
 
-    `box` bounds the probe; points farther from it than matters are passed over, and so are those that cannot have come
-    near since they were `asked` for, (p, 4).
+    `box` bounds the probe; points farther from it than matters are passed over, and so are those that have `room` left,
+    (p,), for what the nodes have moved from where they were, (n, 3), and that do not stick.
     """
     coefficients, shape, origin, spacing = field
+    stencil, weights = skin.stencil, skin.weights
     reach, unsure = gap + 4.0 * _SLACK, LINEAR_ERROR * spacing
-    near = -_SLACK - 2.0 * unsure
+    near, farthest = -_SLACK - 2.0 * unsure, 0.0
+    for i in range(len(x)):
+        x0, x1, x2 = x[i, 0] - translation[0], x[i, 1] - translation[1], x[i, 2] - translation[2]
+        way = 0.0
+        for r in range(3):
+            at = rotation[0, r] * x0 + rotation[1, r] * x1 + rotation[2, r] * x2
+            way += (at - where[i, r]) ** 2
+            where[i, r] = at
+        farthest = max(farthest, way)
+    farthest = spread * np.sqrt(farthest)
+    place = np.empty(3)
     for p in range(len(stencil)):
-        place, before = places[p], asked[p]
-        _in_frame(x, stencil, weights, p, rotation, translation, place)
-        left = near - before[3]
-        if left > 0.0:
-            way = (place[0] - before[0]) ** 2 + (place[1] - before[1]) ** 2 + (place[2] - before[2]) ** 2
-            if STEEPEST**2 * way < left * left:
-                violation[p] = before[3] + STEEPEST * np.sqrt(way)
-                continue
-        violation[p], found = -FAR, gap - reach
-        if _within(place, box, reach):
-            violation[p] = gap + unsure - distance_about(coefficients, shape, origin, spacing, place)
-            found = violation[p] if violation[p] > -0.5 * FAR else 0.0  # off the grid nothing is known
-        before[0], before[1], before[2], before[3] = place[0], place[1], place[2], found
+        room[p] -= farthest
+        violation[p] = -FAR
+        if room[p] > 0.0 and slip[p, 0] == 0.0 and slip[p, 1] == 0.0 and slip[p, 2] == 0.0:
+            continue
+        x0, x1, x2 = 0.0, 0.0, 0.0
+        for i in range(stencil.shape[1]):
+            w, node = weights[p, i], stencil[p, i]
+            x0 += w * where[node, 0]
+            x1 += w * where[node, 1]
+            x2 += w * where[node, 2]
+        places[p, 0], places[p, 1], places[p, 2] = x0, x1, x2
+        away = _beyond(x0, x1, x2, box)
+        if away > reach:
+            room[p] = away - gap + near
+            continue
+        place[0], place[1], place[2] = x0, x1, x2
+        violation[p] = gap + unsure - distance_about(coefficients, shape, origin, spacing, place)
+        if violation[p] > -0.5 * FAR:
+            room[p] = (near - violation[p]) / STEEPEST
+        else:
+            room[p] = 0.0  # off the grid nothing is known
 
 
 @numba.njit(cache=True, nogil=True)
@@ -341,10 +385,13 @@ def _touches(x, stencil, weights, field, box, rotation, translation, gap, known)
     """Whether a point that is not `known` violates the gap."""
     coefficients, shape, origin, spacing = field
     place, gradient, bend = np.empty(3), np.empty(3), np.empty((3, 3))
+    unsure = LINEAR_ERROR * spacing
     for p in range(len(stencil)):
         if not known[p]:
             _in_frame(x, stencil, weights, p, rotation, translation, place)
-            if not _within(place, box, gap):
+            if _beyond(place[0], place[1], place[2], box) > gap:
+                continue
+            if distance_about(coefficients, shape, origin, spacing, place) - unsure >= gap:
                 continue
             if distance_at(coefficients, shape, origin, spacing, place, gradient, bend) < gap:
                 return True
