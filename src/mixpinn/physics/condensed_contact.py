@@ -37,6 +37,30 @@ The stiffness is the derivative of the forces if `exact`, otherwise a symmetric 
 
 
 @numba.njit(cache=True, nogil=True, fastmath={"contract"})
+def _add_three_rows(stiffness, inner, filled, first, matrix):  # type: ignore[no-untyped-def]
+    """Add H W to three rows of `matrix`, from columns `filled` of H; what is read of W serves all three."""
+    row0, row1, row2 = matrix[first], matrix[first + 1], matrix[first + 2]
+    whole = len(filled) - len(filled) % 3
+    for k in range(0, whole, 3):
+        j0, j1, j2 = filled[k], filled[k + 1], filled[k + 2]
+        w0, w1, w2 = inner[j0], inner[j1], inner[j2]
+        a0, a1, a2 = stiffness[first, j0], stiffness[first, j1], stiffness[first, j2]
+        b0, b1, b2 = stiffness[first + 1, j0], stiffness[first + 1, j1], stiffness[first + 1, j2]
+        c0, c1, c2 = stiffness[first + 2, j0], stiffness[first + 2, j1], stiffness[first + 2, j2]
+        for c in range(len(row0)):
+            row0[c] += a0 * w0[c] + a1 * w1[c] + a2 * w2[c]
+            row1[c] += b0 * w0[c] + b1 * w1[c] + b2 * w2[c]
+            row2[c] += c0 * w0[c] + c1 * w1[c] + c2 * w2[c]
+    for k in range(whole, len(filled)):
+        w0 = inner[filled[k]]
+        a0, b0, c0 = stiffness[first, filled[k]], stiffness[first + 1, filled[k]], stiffness[first + 2, filled[k]]
+        for c in range(len(row0)):
+            row0[c] += a0 * w0[c]
+            row1[c] += b0 * w0[c]
+            row2[c] += c0 * w0[c]
+
+
+@numba.njit(cache=True, nogil=True, fastmath={"contract"})
 def newton_step(compliance, error, stiffness, touched, change, move):  # type: ignore[no-untyped-def]
     """One step of Newton's method: fills dλ (m,) into `change` and −dy = W dλ (m,) into `move`.
 
@@ -66,27 +90,32 @@ def newton_step(compliance, error, stiffness, touched, change, move):  # type: i
             shifted[j] = dot(row, rest) if moves else 0.0
             for c in range(a):
                 packed[c] = row[touched[c]]
-        for i in range(a):
-            row, stiff, count, value = matrix[i], stiffness[i], 0, error[touched[i]]
+        for first in range(0, a, 3):  # the rows of a node, where its directions stand together: filled alike
+            last = min(first + 3, a)
+            count = 0
             for j in range(a):
-                if stiff[j] != 0.0:
+                used = False
+                for i in range(first, last):
+                    used = used or stiffness[i, j] != 0.0
+                if used:
                     filled[count] = j
                     count += 1
-                    value -= stiff[j] * shifted[j]
-            rhs[i] = value
-            whole = count - count % 6
-            for k in range(0, whole, 6):
-                h0, h1, h2 = stiff[filled[k]], stiff[filled[k + 1]], stiff[filled[k + 2]]
-                h3, h4, h5 = stiff[filled[k + 3]], stiff[filled[k + 4]], stiff[filled[k + 5]]
-                w0, w1, w2 = inner[filled[k]], inner[filled[k + 1]], inner[filled[k + 2]]
-                w3, w4, w5 = inner[filled[k + 3]], inner[filled[k + 4]], inner[filled[k + 5]]
-                for c in range(a):
-                    row[c] += h0 * w0[c] + h1 * w1[c] + h2 * w2[c] + h3 * w3[c] + h4 * w4[c] + h5 * w5[c]
-            for k in range(whole, count):
-                h0, w0 = stiff[filled[k]], inner[filled[k]]
-                for c in range(a):
-                    row[c] += h0 * w0[c]
-            row[i] += 1.0
+            for i in range(first, last):
+                value = error[touched[i]]
+                for k in range(count):
+                    value -= stiffness[i, filled[k]] * shifted[filled[k]]
+                rhs[i] = value
+            if last == first + 3:
+                _add_three_rows(stiffness, inner, filled[:count], first, matrix)
+            else:
+                for i in range(first, last):
+                    row = matrix[i]
+                    for k in range(count):
+                        h0, w0 = stiffness[i, filled[k]], inner[filled[k]]
+                        for c in range(a):
+                            row[c] += h0 * w0[c]
+            for i in range(first, last):
+                matrix[i, i] += 1.0
         regular = solve_in_place(matrix, rhs)
         if regular:
             for i in range(a):

@@ -54,7 +54,17 @@ def solve_in_place(matrix, rhs):  # type: ignore[no-untyped-def]
             u0, u1 = matrix[first, last:], matrix[first + 1, last:]
             u2, u3 = matrix[first + 2, last:], matrix[first + 3, last:]
             r0, r1, r2, r3 = rhs[first], rhs[first + 1], rhs[first + 2], rhs[first + 3]
-            for i in range(last, n):
+            whole = n - (n - last) % 2
+            for i in range(last, whole, 2):  # two rows at a time: those of the pivots are read once for both
+                row, next_row = matrix[i, last:], matrix[i + 1, last:]
+                l0, l1, l2, l3 = panel[0, i], panel[1, i], panel[2, i], panel[3, i]
+                m0, m1, m2, m3 = panel[0, i + 1], panel[1, i + 1], panel[2, i + 1], panel[3, i + 1]
+                for j in range(len(row)):
+                    row[j] -= l0 * u0[j] + l1 * u1[j] + l2 * u2[j] + l3 * u3[j]
+                    next_row[j] -= m0 * u0[j] + m1 * u1[j] + m2 * u2[j] + m3 * u3[j]
+                rhs[i] -= l0 * r0 + l1 * r1 + l2 * r2 + l3 * r3
+                rhs[i + 1] -= m0 * r0 + m1 * r1 + m2 * r2 + m3 * r3
+            for i in range(whole, n):
                 row = matrix[i, last:]
                 l0, l1, l2, l3 = panel[0, i], panel[1, i], panel[2, i], panel[3, i]
                 for j in range(len(row)):

@@ -233,16 +233,22 @@ def _stiffness_of_touched(contacts, forces):  # type: ignore[no-untyped-def]
                 unknowns[local[node] + r] = 3 * node + r
     for c in range(len(push)):
         if push[c] > 0.0:
+            s00, s01, s02 = slope[c, 0, 0], slope[c, 0, 1], slope[c, 0, 2]
+            s10, s11, s12 = slope[c, 1, 0], slope[c, 1, 1], slope[c, 1, 2]
+            s20, s21, s22 = slope[c, 2, 0], slope[c, 2, 1], slope[c, 2, 2]
             for i in range(width):
-                first, w = local[stencil[c, i]], weights[c, i]
-                for r in range(3):
-                    s0, s1, s2 = w * slope[c, r, 0], w * slope[c, r, 1], w * slope[c, r, 2]
-                    row = stiffness[first + r]
-                    for j in range(width):
-                        second, other = local[stencil[c, j]], weights[c, j]
-                        row[second] += other * s0
-                        row[second + 1] += other * s1
-                        row[second + 2] += other * s2
+                a, w = local[stencil[c, i]], weights[c, i]
+                for j in range(width):
+                    b, ww = local[stencil[c, j]], w * weights[c, j]
+                    stiffness[a, b] += ww * s00
+                    stiffness[a, b + 1] += ww * s01
+                    stiffness[a, b + 2] += ww * s02
+                    stiffness[a + 1, b] += ww * s10
+                    stiffness[a + 1, b + 1] += ww * s11
+                    stiffness[a + 1, b + 2] += ww * s12
+                    stiffness[a + 2, b] += ww * s20
+                    stiffness[a + 2, b + 1] += ww * s21
+                    stiffness[a + 2, b + 2] += ww * s22
     return stiffness, unknowns
 
 
