@@ -23,7 +23,7 @@ from mixpinn.base.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from mixpinn.base.errors import InputError
 from mixpinn.geometry.probe_pose import PROBE_AXIS
 from mixpinn.geometry.rotations import rotation_from_vector, vector_from_rotation
-from mixpinn.press.path_kernel import mark_shadow, touch_depths
+from mixpinn.press.path_kernel import deepest_touch, mark_shadow
 from mixpinn.press.probe_field import ProbeField, shadow_columns
 from mixpinn.press.records import (
     ContactHistory,
@@ -76,6 +76,7 @@ class PriorContact:
         self._compliance = compliance
         self.skin = SkinPoints.of_faces(self.rest, self._faces, spacing=self.config.spacing)
         self._places = np.einsum("pw,pwk->pk", self.skin.weights, self.rest[self.skin.stencil])
+        self._starts, self._balls = self.skin.balls(self._places, len(self._faces))
         edges = np.concatenate([self._faces[:, pair] for pair in _EDGES[self._faces.shape[1]]])
         _, first, count = np.unique(np.sort(edges[:, :2], axis=1), axis=0, return_index=True, return_counts=True)
         self._rim = np.zeros(len(self.nodes), dtype=bool)
@@ -126,7 +127,7 @@ class PriorContact:
         """
         rotations, translations = check_poses(len(probes), rotations, translations)
         return np.array([
-            self._touch(probe, rotation, translation).max(initial=-np.inf)
+            self._touch(probe, rotation, translation)
             for probe, rotation, translation in zip(probes, rotations, translations, strict=True)
         ])
 
@@ -147,18 +148,15 @@ class PriorContact:
         placed = PlacedFields(tuple(probes), rotations, translations)
         if history is not None and not history.force.any():
             history = None  # what has touched nothing has no past
-        touches = [
-            self._touch(*place) for place in zip(probes, rotations, translations, strict=True)
-        ]
-        depths = np.array([touch.max(initial=-np.inf) for touch in touches])
+        depths = np.array([self._touch(*place) for place in zip(probes, rotations, translations, strict=True)])
         if check is not None:
             check(depths)
         near = np.zeros(len(self._faces), dtype=bool)
-        for place, touch in zip(zip(probes, rotations, translations, strict=True), touches, strict=True):
-            near |= self._shadow(*place, touch)
+        for probe, rotation, translation, depth in zip(probes, rotations, translations, depths, strict=True):
+            self._shadow(probe, rotation, translation, depth, near)
         if history is not None:
-            for place in zip(probes, history.rotations, history.translations, strict=True):
-                near |= self._shadow(*place, self._touch(*place))
+            for probe, rotation, translation in zip(probes, history.rotations, history.translations, strict=True):
+                self._shadow(probe, rotation, translation, self._touch(probe, rotation, translation), near)
             near |= (history.force != 0.0).any(axis=1)[self._faces].any(axis=1)
         session = self._session(placed, np.flatnonzero(near), depths, history)
         if history is None:
@@ -188,23 +186,22 @@ class PriorContact:
             np.zeros((k, len(chosen))), np.zeros((k, len(chosen), 3)), True, 0,
         )
 
-    def _touch(self, probe: ProbeField, rotation: FloatArray, translation: FloatArray) -> FloatArray:
-        """How far beyond the underside of a placed probe each point of the resting skin lies [mm], shape (p,)."""
-        found = np.empty(len(self._places))
-        touch_depths(self._places, rotation, translation, probe.underside, probe.origin, probe.spacing, found)
-        return found
+    def _touch(self, probe: ProbeField, rotation: FloatArray, translation: FloatArray) -> float:
+        """How far beyond the underside of a placed probe the resting skin comes at most [mm]."""
+        return float(deepest_touch(
+            self._places, self._starts, self._balls, rotation, translation, probe.underside, probe.origin,
+            probe.spacing,
+        ))
 
     def _shadow(
-        self, probe: ProbeField, rotation: FloatArray, translation: FloatArray, touch: FloatArray,
-    ) -> BoolArray:
-        """Whether each triangle may be touched on the way to a pose, shape (t,): it lies near the probe's shadow."""
-        near = np.zeros(len(self._faces), dtype=bool)
+        self, probe: ProbeField, rotation: FloatArray, translation: FloatArray, touch: float, near: BoolArray,
+    ) -> None:
+        """Flag in `near` (t,) each triangle that may be touched on the way to a pose: it lies near the shadow."""
         columns = shadow_columns(probe, self.config.deepest)
-        if columns is not None and touch.max(initial=-np.inf) > -self.config.reach:
+        if columns is not None and touch > -self.config.reach:
             low = probe.origin[[0, 2]] + probe.spacing * columns[0] - self.config.margin
             high = probe.origin[[0, 2]] + probe.spacing * columns[1] + self.config.margin
-            mark_shadow(self._places, rotation, translation, low, high, self.skin.face, near)
-        return near
+            mark_shadow(self._places, self._starts, self._balls, rotation, translation, low, high, near)
 
     def _path_down(self, placed: PlacedFields, depths: FloatArray) -> tuple[FloatArray, FloatArray]:
         """The straight way down, from first touch of the first probe that touches: placements before and after steps.

@@ -1,6 +1,7 @@
 """Records of contact from the pose: settings, probe, what friction remembers, and the outcome."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -114,16 +115,24 @@ class PlacedFields:
     translations: FloatArray
 
     @property
-    def joined(self) -> tuple[Float32Array, IntArray, IntArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+    def joined(self) -> "_Joined":
         """The distances one after another, as the kernels take them, and the bounds of each probe."""
-        flat = [field.coefficients.ravel() for field in self.fields]
-        return (
-            flat[0] if len(flat) == 1 else np.concatenate(flat), np.cumsum([0, *(len(part) for part in flat)]),
-            np.array([field.coefficients.shape for field in self.fields]),
-            np.array([field.origin for field in self.fields]), np.array([field.spacing for field in self.fields]),
-            np.array([field.probe.points.min(axis=0) for field in self.fields]),
-            np.array([field.probe.points.max(axis=0) for field in self.fields]),
-        )
+        return _joined(self.fields)
+
+
+_Joined = tuple[Float32Array, IntArray, IntArray, FloatArray, FloatArray, FloatArray, FloatArray]
+
+
+@lru_cache(maxsize=64)
+def _joined(fields: "tuple[ProbeField, ...]") -> _Joined:
+    flat = [field.coefficients.ravel() for field in fields]
+    return (
+        flat[0] if len(flat) == 1 else np.concatenate(flat), np.cumsum([0, *(len(part) for part in flat)]),
+        np.array([field.coefficients.shape for field in fields]), np.array([field.origin for field in fields]),
+        np.array([field.spacing for field in fields]),
+        np.array([field.probe.points.min(axis=0) for field in fields]),
+        np.array([field.probe.points.max(axis=0) for field in fields]),
+    )
 
 
 def check_poses(n_probes: int, rotations: AnyArray, translations: AnyArray) -> tuple[FloatArray, FloatArray]:

@@ -68,6 +68,23 @@ class SkinPoints:
             np.concatenate([*weights, np.empty((0, 3))]), (area / parts**2)[face], face,
         )
 
+    def balls(self, places: FloatArray, faces: int) -> tuple[IntArray, FloatArray]:
+        """Where the points of each of so many faces begin, and balls around them.
+
+        Args:
+            places: of the points [mm], shape (p, 3).
+            faces: their number t; each has points.
+
+        Returns:
+            The first point of each face, and their number, shape (t + 1,); centre and radius [mm], shape (t, 4).
+        """
+        starts = np.searchsorted(self.face, np.arange(faces + 1))
+        if not faces:
+            return starts, np.empty((0, 4))
+        centre = np.add.reduceat(places, starts[:-1]) / np.diff(starts)[:, None]
+        radius = np.maximum.reduceat(np.linalg.norm(places - centre[self.face], axis=1), starts[:-1])
+        return starts, np.concatenate([centre, radius[:, None]], axis=1)
+
     def on_faces(self, chosen: IntArray) -> IntArray:
         """The points of the chosen faces, ascending."""
         wanted = np.zeros(int(self.face.max(initial=-1)) + 1, dtype=bool)
