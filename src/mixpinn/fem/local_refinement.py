@@ -11,8 +11,11 @@ with d the distance from the skin that the probe meets. The facets stay.
 Under the rim of a rigid tool the displacement of the skin goes like the root of the distance r from the rim, as under a
 punch with an edge, and its gradient like 1/√r. What cells of size h cannot follow there has an energy of about
 ∫₀ʰ (1/√r)² r dr = h: the error falls with the edge length itself, whatever the order of the cells. Two fields of edge
-lengths, one twice the other everywhere, then tell the value without an error of that kind: 2 u(h) − u(2 h). How well
-that holds on a patient is measured by ``python -m benchmarks.truth``.
+lengths, one q times the other everywhere, then tell the value without an error of that kind:
+
+    u = u(h) + (u(h) − u(q h)) / (q − 1).
+
+How well that holds on a patient is measured by ``python -m benchmarks.truth``.
 """
 
 from dataclasses import dataclass, replace
@@ -31,6 +34,9 @@ _SPACING = 3.0
 _DEEPEST = 60.0
 """Skin farther above a probe's tip is not what it has pushed away [mm]."""
 
+_GROWTH = 0.05
+"""Of the edge length with the distance from the probe, as a share of that under it, per mm."""
+
 
 @dataclass(frozen=True)
 class LocalRefinement:
@@ -39,24 +45,31 @@ class LocalRefinement:
     Attributes:
         edge: longest edge under the probe [mm].
         growth: by how much longer an edge may be for each mm that it lies farther away.
-        extrapolated: whether each pose is also solved with h twice as long, and told as what both tend to.
+        extrapolated: whether each pose is also solved with longer edges, and told as what both tend to.
+        ratio: q, how many times as long they are.
     """
 
     edge: float = 10.0
-    growth: float = 0.5
+    growth: float = _GROWTH * 10.0
     extrapolated: bool = True
+    ratio: float = 2.0
 
     def __post_init__(self) -> None:
-        require_settings(self, "refinement", {**positive(self, "edge"), **not_negative(self, "growth")})
+        require_settings(self, "refinement", {
+            **positive(self, "edge"), **not_negative(self, "growth"),
+            "ratio": (1.2 <= self.ratio <= 4.0, "1.2 to 4: closer lengths tell noise, others too little"),
+        })
 
     def scaled(self, factor: float) -> "LocalRefinement":
         """With h `factor` times as long everywhere."""
         return replace(self, edge=factor * self.edge, growth=factor * self.growth)
 
     def __str__(self) -> str:
-        """In words."""
-        return f"edges of {2.0 * self.edge:g} and {self.edge:g} mm, extrapolated," if self.extrapolated else (
-            f"edges of {self.edge:g} mm"
+        """In words; how edges grow away from the probe where it is not as usual."""
+        usual = abs(self.growth - _GROWTH * self.edge) <= 1e-9 * self.edge
+        grown = "" if usual else f" growing by {self.growth:g} mm a mm,"
+        return f"edges of {self.ratio * self.edge:g} and {self.edge:g} mm,{grown} extrapolated," if self.extrapolated else (
+            f"edges of {self.edge:g} mm{grown}"
         )
 
 

@@ -140,7 +140,7 @@ def test_one_solve_on_refined_cells() -> None:
     tip = MIDDLE - np.array([0.0, 2.0, 0.0])
     answer = solve_pose(scene, tip, np.eye(3))
     assert answer.trust.converged
-    assert "edges of 14 mm under the probe" in answer.discretisation
+    assert "edges of 14 mm growing by 1 mm a mm, under the probe" in answer.discretisation
     assert_allclose(answer.force[1], press(bed(), scene.refinement).probe_wrench[2, 1], rtol=0.02)
     with pytest.raises(InputError, match="begin without a history"):
         solve_pose(scene, tip, np.eye(3), history=object())
@@ -148,22 +148,25 @@ def test_one_solve_on_refined_cells() -> None:
         PoseSimulator(scene)
 
 
-def test_extrapolation_keeps_parts_rigid_and_forces_whole() -> None:
+@pytest.mark.parametrize("ratio", [1.4, 2.0])
+def test_extrapolation_keeps_parts_rigid_and_forces_whole(ratio: float) -> None:
     """On made-up simulations whose error is proportional to the edge, what is told has none."""
     mesh = bed(bone=True)
     path = down([0.0, 1.0])
-    truth = made_up(mesh, path, 1.0, nodes=[3, 7])
-    found = extrapolate(mesh, made_up(mesh, path, 1.2, nodes=[3, 9]), made_up(mesh, path, 1.1, nodes=[3, 7, 9]))
+    truth, far = made_up(mesh, path, 1.0, nodes=[3, 7]), 1.0 + 0.1 * ratio
+    coarse = made_up(mesh, path, far, nodes=[3, 9])
+    found = extrapolate(mesh, coarse, made_up(mesh, path, 1.1, nodes=[3, 7, 9]), ratio=ratio)
     assert_allclose(found.probe_wrench, truth.probe_wrench, rtol=1e-12)
     assert_allclose(found.part_translation, truth.part_translation, rtol=1e-12)
     assert_allclose(found.part_rotation, truth.part_rotation, atol=1e-12)  # turns about one axis
     assert_allclose(found.displacement, truth.displacement, atol=1e-5)
     nodes, forces = found.contacts(1, loaded=False)
     assert nodes.tolist() == [3, 7, 9]
-    assert_allclose(forces.sum(axis=0), 2.0 * 1.1 * 3 * np.ones(3) - 1.2 * 2 * np.ones(3))
+    beyond = 1.0 / (ratio - 1.0)
+    assert_allclose(forces.sum(axis=0), ((1.0 + beyond) * 1.1 * 3 - beyond * far * 2) * np.ones(3))
     late = made_up(mesh, path, 1.1, nodes=[3])
     late = replace(late, converged=np.array([True, False]))
-    assert extrapolate(mesh, made_up(mesh, path, 1.2, nodes=[3]), late).converged.tolist() == [True, False]
+    assert extrapolate(mesh, coarse, late, ratio=ratio).converged.tolist() == [True, False]
 
 
 def made_up(mesh: TissueMesh, path: ProbePath, size: float, *, nodes: list[int]) -> Simulation:

@@ -57,6 +57,6 @@ def test_a_bundle_is_solved_as_its_simulations_were(tmp_path) -> None:
     taught.save(tmp_path)
     again = type(taught).load(tmp_path, taught.mesh)
     assert again.made_on == taught.made_on
-    assert "edges of 9 mm under the probe" in again.made_on
+    assert "edges of 9 mm growing by 1.5 mm a mm, under the probe" in again.made_on
     predictor = HybridPredictor(again, pose=predictor.pose)
     assert base_scene(predictor, BudgetConfig()).refinement == refinement

@@ -13,6 +13,7 @@ from itertools import count
 import numpy as np
 import scipy.sparse as sp
 from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
 
 from mixpinn.base.arrays import FloatArray, IntArray
 from mixpinn.fem.local_refinement import LocalRefinement, refine_under
@@ -50,8 +51,8 @@ class RefinedSimulator:
         solve = partial(self._solve, path, position_index=position_index, rotation_deg=rotation_deg, on_step=told)
         if not config.extrapolated:
             return solve(config)
-        coarser = solve(config.scaled(2.0))
-        return extrapolate(self.scene.mesh, coarser, solve(config))
+        coarser = solve(config.scaled(config.ratio))
+        return extrapolate(self.scene.mesh, coarser, solve(config), ratio=config.ratio)
 
     def _solve(
         self, path: ProbePath, config: LocalRefinement, *, position_index: int, rotation_deg: float,
@@ -132,8 +133,8 @@ class Injection:
         )
 
 
-def extrapolate(mesh: TissueMesh, coarse: Simulation, fine: Simulation) -> Simulation:
-    """What two simulations of one path tend to, the second with edges half as long: 2 u(h) − u(2 h).
+def extrapolate(mesh: TissueMesh, coarse: Simulation, fine: Simulation, *, ratio: float) -> Simulation:
+    """What two simulations of one path tend to: u(h) + b (u(h) − u(q h)) with b = 1/(q − 1).
 
     Rotations go on along the turn from the one to the other, and the nodes of rigid parts move with them. What
     describes the solves (residual, iterations, smallest det F, violation of the gap, time) is the worse, or the sum.
@@ -141,11 +142,18 @@ def extrapolate(mesh: TissueMesh, coarse: Simulation, fine: Simulation) -> Simul
     Args:
         mesh: of both.
         coarse, fine: on the nodes of `mesh`.
+        ratio: q, how many times as long edges of the first are.
     """
-    turn = np.einsum("skij,sklj->skil", fine.part_rotation, coarse.part_rotation)
-    rotation = turn @ fine.part_rotation
-    translation = 2.0 * fine.part_translation - coarse.part_translation
-    displacement = 2.0 * fine.displacement - coarse.displacement
+    beyond = 1.0 / (ratio - 1.0)
+
+    def tend(one: FloatArray, other: FloatArray) -> FloatArray:
+        return other + beyond * (other - one)
+
+    turn = Rotation.from_matrix(np.einsum("skij,sklj->skil", fine.part_rotation, coarse.part_rotation).reshape(-1, 3, 3))
+    further = Rotation.from_rotvec(beyond * turn.as_rotvec()).as_matrix().reshape(fine.part_rotation.shape)
+    rotation = further @ fine.part_rotation
+    translation = tend(coarse.part_translation, fine.part_translation)
+    displacement = tend(coarse.displacement, fine.displacement)
     for k in range(mesh.n_parts):
         bone = np.flatnonzero(mesh.node_part == k + 1)
         arm = mesh.node_points[bone] - mesh.points[mesh.part_nodes(k + 1)].mean(axis=0)
@@ -158,19 +166,19 @@ def extrapolate(mesh: TissueMesh, coarse: Simulation, fine: Simulation) -> Simul
         ours, theirs = (found.contacts(int(step), loaded=False) for found in (fine, coarse))
         every = np.union1d(ours[0], theirs[0])
         force = np.zeros((len(every), 3))
-        force[np.searchsorted(every, ours[0])] += 2.0 * ours[1]
-        force[np.searchsorted(every, theirs[0])] -= theirs[1]
+        force[np.searchsorted(every, ours[0])] += (1.0 + beyond) * ours[1]
+        force[np.searchsorted(every, theirs[0])] -= beyond * theirs[1]
         nodes.append(every)
         forces.append(force)
     counts = np.zeros(len(converged), dtype=np.int64)
     counts[converged] = [len(some) for some in nodes]
     wrench = None
     if fine.part_wrench is not None and coarse.part_wrench is not None:
-        wrench = 2.0 * fine.part_wrench - coarse.part_wrench
+        wrench = tend(coarse.part_wrench, fine.part_wrench)
     return replace(
         fine, displacement=displacement.astype(np.float32), part_rotation=rotation, part_translation=translation,
-        part_wrench=wrench, probe_wrench=2.0 * fine.probe_wrench - coarse.probe_wrench,
-        energy=2.0 * fine.energy - coarse.energy, converged=converged,
+        part_wrench=wrench, probe_wrench=tend(coarse.probe_wrench, fine.probe_wrench),
+        energy=tend(coarse.energy, fine.energy), converged=converged,
         contact_offsets=np.concatenate([[0], np.cumsum(counts)]),
         contact_nodes=np.concatenate([*nodes, np.empty(0, dtype=np.int64)]),
         contact_forces=np.concatenate([*forces, np.empty((0, 3))]),
