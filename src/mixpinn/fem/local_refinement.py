@@ -68,9 +68,9 @@ class LocalRefinement:
         """In words; how edges grow away from the probe where it is not as usual."""
         usual = abs(self.growth - _GROWTH * self.edge) <= 1e-9 * self.edge
         grown = "" if usual else f" growing by {self.growth:g} mm a mm,"
-        return f"edges of {self.ratio * self.edge:g} and {self.edge:g} mm,{grown} extrapolated," if self.extrapolated else (
-            f"edges of {self.edge:g} mm{grown}"
-        )
+        if not self.extrapolated:
+            return f"edges of {self.edge:g} mm{grown}"
+        return f"edges of {self.ratio * self.edge:g} and {self.edge:g} mm,{grown} extrapolated,"
 
 
 def refine_under(mesh: TissueMesh, probe: Probe, path: ProbePath, config: LocalRefinement) -> TissueMesh:

@@ -149,9 +149,9 @@ def extrapolate(mesh: TissueMesh, coarse: Simulation, fine: Simulation, *, ratio
     def tend(one: FloatArray, other: FloatArray) -> FloatArray:
         return other + beyond * (other - one)
 
-    turn = Rotation.from_matrix(np.einsum("skij,sklj->skil", fine.part_rotation, coarse.part_rotation).reshape(-1, 3, 3))
-    further = Rotation.from_rotvec(beyond * turn.as_rotvec()).as_matrix().reshape(fine.part_rotation.shape)
-    rotation = further @ fine.part_rotation
+    turn = np.einsum("skij,sklj->skil", fine.part_rotation, coarse.part_rotation)
+    further = beyond * Rotation.from_matrix(turn.reshape(-1, 3, 3)).as_rotvec()
+    rotation = Rotation.from_rotvec(further).as_matrix().reshape(turn.shape) @ fine.part_rotation
     translation = tend(coarse.part_translation, fine.part_translation)
     displacement = tend(coarse.displacement, fine.displacement)
     for k in range(mesh.n_parts):
