@@ -153,7 +153,7 @@ def extrapolate(mesh: TissueMesh, coarse: Simulation, fine: Simulation, *, ratio
     further = beyond * Rotation.from_matrix(turn.reshape(-1, 3, 3)).as_rotvec()
     rotation = Rotation.from_rotvec(further).as_matrix().reshape(turn.shape) @ fine.part_rotation
     translation = tend(coarse.part_translation, fine.part_translation)
-    displacement = tend(coarse.displacement, fine.displacement)
+    displacement = tend(coarse.displacement.astype(np.float64), fine.displacement.astype(np.float64))
     for k in range(mesh.n_parts):
         bone = np.flatnonzero(mesh.node_part == k + 1)
         arm = mesh.node_points[bone] - mesh.points[mesh.part_nodes(k + 1)].mean(axis=0)
