@@ -11,7 +11,7 @@ from mixpinn.press.step_kernel import STEEPEST, Contacts, field_of, solve_step
 
 # mypy cannot see through numba's decorators: the kernels are untyped, their callers are not.
 
-_SLACK = 1.5
+_SLACK = 0.75
 """Points of the skin that would come this close to touching are followed during a step [mm]."""
 _DEEP = 0.85
 """At first touch the points begin to push that the probe has come upon by more than this part of the deepest."""
@@ -268,21 +268,37 @@ def _restrict(  # type: ignore[no-untyped-def]
 @numba.njit(cache=True, nogil=True)
 def _contacts(pairs, local, skin, fields, path, step, x, slip, leads, law):  # type: ignore[no-untyped-def]
     """The `Contacts` of `pairs` after a step from node positions x, their stencil by the numbers in `local`."""
-    count, width = len(pairs), skin.stencil.shape[1]
+    count, width, points, shares = len(pairs), skin.stencil.shape[1], skin.stencil, skin.weights
     stencil, weights = np.empty((count, width), np.int64), np.empty((count, width))
-    before, carried, lead = np.empty((count, 3)), np.empty((count, 3)), np.empty(count)
+    before, carried, lead = np.zeros((count, 3)), np.empty((count, 3)), np.empty(count)
+    placed, probe = np.empty((len(x), 3)), -1
     for c in range(count):
         k, p = pairs[c, 0], pairs[c, 1]
+        if k != probe:
+            _place_nodes(x, local, path.rotations[step, k], path.translations[step, k], placed)
+            probe = k
         lead[c] = leads[k, p]
         for i in range(width):
-            stencil[c, i], weights[c, i] = local[skin.stencil[p, i]], skin.weights[p, i]
-        _in_frame(x, skin.stencil, skin.weights, p, path.rotations[step, k], path.translations[step, k], before[c])
+            node, w = points[p, i], shares[p, i]
+            stencil[c, i], weights[c, i] = local[node], w
+            for r in range(3):
+                before[c, r] += w * placed[node, r]
         for r in range(3):
             carried[c, r] = slip[k, p, r]
     return Contacts(
         pairs, stencil, weights, skin.stiffness, fields, path.rotations[step + 1], path.translations[step + 1], before,
         carried, lead, law,
     )
+
+
+@numba.njit(cache=True, nogil=True)
+def _place_nodes(x, local, rotation, translation, placed):  # type: ignore[no-untyped-def]
+    """Fills `placed` (n, 3) with the nodes that have a number in `local`, in the frame of a probe."""
+    for i in range(len(x)):
+        if local[i] >= 0:
+            x0, x1, x2 = x[i, 0] - translation[0], x[i, 1] - translation[1], x[i, 2] - translation[2]
+            for r in range(3):
+                placed[i, r] = rotation[0, r] * x0 + rotation[1, r] * x1 + rotation[2, r] * x2
 
 
 @numba.njit(cache=True, nogil=True)
