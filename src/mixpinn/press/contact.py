@@ -40,6 +40,8 @@ from mixpinn.reduced.row_products import block_of
 
 _CUTS = 5
 """A step may be halved so often."""
+_SOME_FORCE = 1e-9
+"""A history tells which points were pushed, not how much: a force that only says so [N]."""
 _BACKWARDS = 0.2
 """Skin whose unit normal has more than this along y goes on; what is turned farther away is an end of the body."""
 _EDGES = {3: ((0, 1), (1, 2), (2, 0)), 6: ((0, 1, 3), (1, 2, 4), (2, 0, 5))}
@@ -173,17 +175,18 @@ class PriorContact:
         local[patch] = np.arange(len(patch))
         rows = (3 * patch[:, None] + np.arange(3)).ravel()
         k, nothing = len(placed.fields), np.zeros((len(patch), 3))
-        slip, lead = np.zeros((k, len(chosen), 3)), np.zeros((k, len(chosen)))
+        slip, lead, push = np.zeros((k, len(chosen), 3)), np.zeros((k, len(chosen))), np.zeros((k, len(chosen)))
         force, shift, where = nothing.ravel(), nothing, placed
         if history is not None:
             force, shift = history.force[patch].ravel(), history.shift[patch]
             contacts = history.probe, np.searchsorted(chosen, history.point)
             slip[contacts], lead[contacts] = history.slip, history.lead
+            push[contacts] = _SOME_FORCE
             where = replace(placed, rotations=history.rotations, translations=history.translations)
         return ContactSession(
             self, where, patch, chosen, local[self.skin.stencil[chosen]],
             block_of(self._compliance, rows), depths, shift, force, slip, lead,
-            np.zeros((k, len(chosen))), np.zeros((k, len(chosen), 3)), True, 0,
+            push, np.zeros((k, len(chosen), 3)), True, 0,
         )
 
     def _touch(self, probe: ProbeField, rotation: FloatArray, translation: FloatArray) -> float:
