@@ -23,8 +23,9 @@ from mixpinn.dataset import SimulationStore
 SAID = "stopped; the same command goes on from here"
 _VOLATILE = re.compile(
     r"second|minute|after_labels|started|finished|command|version|time|_ms$|peak_mb|\[ms\]|\[MB\]|input_paths|attempts"
-    r"|platform|^sha256$|^inputs$|^headline$"
+    r"|platform|^sha256$|^inputs$|^headline$|^weights$"
 )
+"""What differs between two runs by nature. Hashes of weights are among it: the weights themselves are compared."""
 _BYTES = {".vtu", ".npy", ".gz", ".stl", ".py"}
 
 

@@ -1,9 +1,11 @@
 """The evaluation stage: a store and trained models in, metrics, pictures and the report out."""
 
 import contextlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+
+import torch
 
 from mixpinn.anatomy.mixture import mixed_parts
 from mixpinn.base.errors import InputError
@@ -102,7 +104,7 @@ def evaluate_models(
             finished evaluation there is read again.
         background: what the report tells besides.
         materials: one for each tissue, where the store cannot tell them: a class of one's own.
-        threads: CPU threads of the models.
+        threads: CPU threads of the models; None leaves them as they are.
         held_out: a hold-out by name, whose test samples are taken instead of all at the test positions.
 
     Returns:
@@ -139,7 +141,8 @@ def evaluate_models(
     candidates += trained
     evaluations = []
     for index, model in enumerate(candidates):
-        evaluations.append(evaluate(model, test, mesh, split=held_out or "test", notes={"split": split.name}))
+        with _threads(threads):
+            evaluations.append(evaluate(model, test, mesh, split=held_out or "test", notes={"split": split.name}))
         evaluations[-1].save(out / f"evaluation-{index:02d}-{_slug(model.name)}.json")
     pictures: tuple[Picture, ...] = ()
     note = ""
@@ -192,6 +195,17 @@ def _identity(table: SampleTable) -> str:
         table.position_index, table.rotation_deg, table.depth, table.contact_offsets, table.contact_nodes,
         *(() if table.contact_error is None else (table.contact_error,)),
     )
+
+
+@contextlib.contextmanager
+def _threads(count: int | None) -> Iterator[None]:
+    """Have every model timed on the same number of threads, whatever this process did before."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(count or before)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)
 
 
 def _load(folder: Path | str, mesh: TissueMesh, threads: int | None) -> AnyPredictor:
