@@ -62,7 +62,7 @@ class OnboardingConfig:
     mesh: MeshConfig = PATIENT_CELLS
     simulation: SimulationConfig = field(default_factory=lambda: SimulationConfig(refinement=LocalRefinement()))
     hybrid: HybridConfig = field(default_factory=HybridConfig)
-    poses: int = 40
+    poses: int = 32
     first_round: int = 8
     pictures: bool = True
     budget: BudgetConfig = field(default_factory=lambda: BudgetConfig(poses=1, sensitivity=False))
