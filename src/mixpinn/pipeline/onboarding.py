@@ -4,6 +4,7 @@ import os
 import shutil
 import time
 from dataclasses import asdict, dataclass, field, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,7 @@ from mixpinn.records.answer import discretisation_of
 from mixpinn.reduced.equilibrium import Equilibrium
 from mixpinn.reduced.fit import HybridConfig, fit_hybrid
 from mixpinn.reduced.hybrid import HybridModel
+from mixpinn.reduced.prior import ElasticPrior
 from mixpinn.serving.bundle_budget import keep_budget, load_budget
 from mixpinn.stages.anatomy import AnatomyConfig, make_anatomy
 from mixpinn.stages.budget.make import make_budget
@@ -144,6 +146,10 @@ def _learn(model: HybridModel, mesh: TissueMesh, config: OnboardingConfig, clock
     for end in round_ends(len(ordered), config.first_round):
         _simulate(scene, store, ordered[seen:end], config)
         table = _samples_of(build_sample_table(store), ordered[seen:end])
+        if not seen:  # nothing is learned yet: the prior takes what was touched, as the fit does
+            prior = _taking(model.prior, scene, table)
+            model = HybridModel.of_prior(prior, model.newton.equilibrium) if prior is not model.prior else model
+        table = _within(table, model)
         entry: dict[str, Any] = {"stage": f"{end} poses", "poses": end - seen, "samples": len(table)}
         for name, candidate in (("prior", model.prior), ("model", model)):
             found = evaluate(candidate, table, scene.mesh, split=f"poses {seen + 1} to {end}")
@@ -189,16 +195,32 @@ def _samples_of(table: SampleTable, poses: Any) -> SampleTable:
     ], dtype=bool))
 
 
+def _taking(prior: ElasticPrior, scene: Scene, table: SampleTable) -> ElasticPrior:
+    """`prior`, or one of more nodes where samples touch others: beside a cap of the crop, skin that faces sideways."""
+    if not len(np.setdiff1d(table.contact_nodes, prior.nodes)):
+        return prior
+    touched = np.union1d(prior.nodes, table.contact_nodes)
+    return cached_prior(scene.mesh, scene.materials, touched=touched, restraints=scene.restraints)
+
+
+def _within(table: SampleTable, model: HybridModel) -> SampleTable:
+    """The samples that touch no node but those that `model` takes; says how many are left out."""
+    known = np.isin(table.contact_nodes, model.prior.nodes)
+    whole = np.array([known[a:b].all() for a, b in pairwise(table.contact_offsets)], dtype=bool)
+    if whole.all() or not whole.any():
+        return table
+    left = int((~whole).sum())
+    console.print(f"{left} of {len(table)} samples touch skin that the model does not know yet: not in the test.")
+    return table.select(whole)
+
+
 def _fit(
     model: HybridModel, scene: Scene, table: SampleTable, poses: Any, config: OnboardingConfig,
 ) -> tuple[HybridModel, PoseModel]:
     """Fit on these poses, every fourth of them kept for calibration."""
     held = [pose for index, pose in enumerate(poses) if index % 4 == 3]
     fitted = [pose for index, pose in enumerate(poses) if index % 4 != 3]
-    prior = model.prior
-    if len(np.setdiff1d(table.contact_nodes, prior.nodes)):
-        touched = np.union1d(prior.nodes, table.contact_nodes)
-        prior = cached_prior(model.mesh, scene.materials, touched=touched, restraints=scene.restraints)
+    prior = _taking(model.prior, scene, table)
     train, calibration = _samples_of(table, fitted), _samples_of(table, held)
     hybrid = taught_with(fit_hybrid(prior, scene.materials, train, calibration, config.hybrid), scene.refinement)
     return hybrid, fit_pose_model(hybrid, scene.probe, scene.contact, _samples_of(table, poses))
