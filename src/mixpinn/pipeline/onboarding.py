@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from mixpinn.base.arrays import IntArray
 from mixpinn.base.errors import InputError, SolveError
 from mixpinn.base.files import write_text
 from mixpinn.base.progress import console
@@ -26,7 +27,7 @@ from mixpinn.records.answer import discretisation_of
 from mixpinn.reduced.equilibrium import Equilibrium
 from mixpinn.reduced.fit import HybridConfig, fit_hybrid
 from mixpinn.reduced.hybrid import HybridModel
-from mixpinn.reduced.prior import ElasticPrior
+from mixpinn.reduced.prior import ElasticPrior, probed_nodes
 from mixpinn.serving.bundle_budget import keep_budget, load_budget
 from mixpinn.stages.anatomy import AnatomyConfig, make_anatomy
 from mixpinn.stages.budget.make import make_budget
@@ -149,7 +150,7 @@ def _learn(model: HybridModel, mesh: TissueMesh, config: OnboardingConfig, clock
         if not seen:  # nothing is learned yet: the prior takes what was touched, as the fit does
             prior = _taking(model.prior, scene, table)
             model = HybridModel.of_prior(prior, model.newton.equilibrium) if prior is not model.prior else model
-        table = _within(table, model)
+        table = _within(table, model.prior.nodes)
         entry: dict[str, Any] = {"stage": f"{end} poses", "poses": end - seen, "samples": len(table)}
         for name, candidate in (("prior", model.prior), ("model", model)):
             found = evaluate(candidate, table, scene.mesh, split=f"poses {seen + 1} to {end}")
@@ -167,7 +168,7 @@ def _learn(model: HybridModel, mesh: TissueMesh, config: OnboardingConfig, clock
         )
         if end == len(ordered):
             _assess(config, out)
-            _report(store, table, config, out)
+            _report(store, _within(table, probed_nodes(scene.mesh)), config, out)  # baselines have no other nodes
         seen = end
 
 
@@ -203,14 +204,14 @@ def _taking(prior: ElasticPrior, scene: Scene, table: SampleTable) -> ElasticPri
     return cached_prior(scene.mesh, scene.materials, touched=touched, restraints=scene.restraints)
 
 
-def _within(table: SampleTable, model: HybridModel) -> SampleTable:
-    """The samples that touch no node but those that `model` takes; says how many are left out."""
-    known = np.isin(table.contact_nodes, model.prior.nodes)
+def _within(table: SampleTable, nodes: IntArray) -> SampleTable:
+    """The samples that touch no node but these; says how many are left out."""
+    known = np.isin(table.contact_nodes, nodes)
     whole = np.array([known[a:b].all() for a, b in pairwise(table.contact_offsets)], dtype=bool)
     if whole.all() or not whole.any():
         return table
     left = int((~whole).sum())
-    console.print(f"{left} of {len(table)} samples touch skin that the model does not know yet: not in the test.")
+    console.print(f"{left} of {len(table)} samples touch skin beside the probed one: not in the test.")
     return table.select(whole)
 
 
