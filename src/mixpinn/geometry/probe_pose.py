@@ -36,6 +36,11 @@ class ProbePose:
         """World positions of points of the probe's frame, shape (p, 3) [mm]."""
         return points @ self.rotation.T + self.translation
 
+    def local(self, points: FloatArray) -> FloatArray:
+        """Points of the world in the probe's frame, shape (p, 3) [mm]."""
+        found: FloatArray = (points - self.translation) @ self.rotation
+        return found
+
     def towards(self, other: "ProbePose", fraction: float) -> "ProbePose":
         """The pose at `fraction` of the screw-free motion to `other`."""
         turn = vector_from_rotation(other.rotation @ self.rotation.T)

@@ -136,6 +136,27 @@ def test_slip_is_carried_over_and_skin_beside_the_patch_is_seen():
     assert problem.tunnelled(x[patch.vertices] + np.array([0.0, 5.0, 0.0]))
 
 
+def test_points_that_give_way_begin_a_step_with_the_friction_that_was_carried_into_it():
+    contact = model(2, 1.0)
+    x, pose = rest(contact, 2), level(SIZE[1] + GAP - 0.05)
+    patch = contact.reachable(x, [pose], margin=6.0)
+    moved = ProbePose(np.eye(3), pose.translation + np.array([0.001, 0.0, 0.0]))  # everything sticks
+    problem = contact.problem(patch, moved, contact.begin_step(x, pose, None))
+    whole = problem.evaluate(x[patch.vertices])
+    frame = contact.begin_step(x, moved, problem.slip_everywhere(whole))
+    soft = contact.problem(patch, moved, frame, stick=1.0 / 16.0)
+    found = soft.evaluate(x[patch.vertices])
+    assert np.linalg.norm(whole.gradient[:, 0]) > 0.0
+    np.testing.assert_allclose(found.gradient, whole.gradient, atol=1e-9 * np.abs(whole.gradient).max())
+    np.testing.assert_allclose(soft.slip_everywhere(found), problem.slip_everywhere(whole), atol=1e-15)
+    # Moved on, they hold by that share of the stiffness.
+    on = ProbePose(np.eye(3), moved.translation + np.array([0.001, 0.0, 0.0]))
+    more = contact.problem(patch, on, frame, stick=1.0 / 16.0).evaluate(x[patch.vertices])
+    stiff = contact.problem(patch, on, frame).evaluate(x[patch.vertices])
+    change = (more.gradient - found.gradient)[:, 0].sum(), (stiff.gradient - whole.gradient)[:, 0].sum()
+    assert change[0] == pytest.approx(change[1] / 16.0, rel=1e-6)
+
+
 def test_capsules_pass_over_nothing_that_is_near():
     rng = np.random.default_rng(0)
     corners, index = rng.uniform(0.0, 10.0, (30, 3)) * [1.0, 5.0, 1.0], rng.integers(0, 30, (60, 3))

@@ -20,6 +20,7 @@ from mixpinn.fem import (
     SuperLUSolver,
     simulate_pose,
 )
+from mixpinn.fem.solve.quasi_static import QuasiStaticSolver
 from mixpinn.geometry.probe_shapes import linear_probe, spherical_probe
 from mixpinn.records import Probe, ProbePath, Simulation, TissueMesh
 
@@ -206,6 +207,24 @@ def test_a_step_that_cannot_converge_is_reported() -> None:
     assert simulation.residual[1] > 1e-13
     assert not simulation.displacement[1:].any()
     assert len(simulation.sample_steps()) == 0
+
+
+def test_a_step_without_solution_close_by_is_taken_with_points_that_give_way(monkeypatch) -> None:
+    scene = Scene(SOFT, SPHERE, contact=ContactConfig(friction=0.5))
+    path = pressing([-1.0, 0.5, 1.0])
+    usual = simulate_pose(scene, path, position_index=0, rotation_deg=0.0)
+    solve, asked = QuasiStaticSolver.solve, []
+
+    def fails_where_points_stick(self, *args, stick=1.0):  # as where Coulomb's law has no solution
+        asked.append(stick)
+        found = solve(self, *args, stick=stick)
+        return dataclasses.replace(found, converged=False) if stick == 1.0 and len(asked) > 1 else found
+
+    monkeypatch.setattr(QuasiStaticSolver, "solve", fails_where_points_stick)
+    found = simulate_pose(dataclasses.replace(scene), path, position_index=0, rotation_deg=0.0)
+    assert found.converged.all()
+    assert min(asked) < 1.0
+    assert_allclose(found.probe_wrench[:, 1], usual.probe_wrench[:, 1], rtol=0.02)
 
 
 @pytest.mark.parametrize("depth", [3.0, 8.0])

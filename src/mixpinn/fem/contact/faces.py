@@ -110,16 +110,16 @@ class FaceContactModel(ContactModel):
         samples = np.zeros(len(self.probe.samples), dtype=bool)
         samples[self._near(vertices, pose, self.config.alarm)[0].point] = True
         return FaceFrame(
-            points, (on_probe - pose.translation) @ pose.rotation,
+            points, pose.local(on_probe),
             apart / np.maximum(np.linalg.norm(apart, axis=1), 1e-12)[:, None], apart,
             np.zeros((len(points), 3)) if slip is None else slip[points], samples,
         )
 
     def problem(  # type: ignore[override]
-        self, patch: SkinPatch, pose: ProbePose, frame: FaceFrame,
+        self, patch: SkinPatch, pose: ProbePose, frame: FaceFrame, *, stick: float = 1.0,
     ) -> "FaceContactProblem":
         """As `ContactModel.problem`."""
-        return FaceContactProblem(self, patch, pose, frame)
+        return FaceContactProblem(self, patch, pose, frame, stick=stick)
 
     def _positions(self, vertices: FloatArray, points: IntArray) -> FloatArray:
         some = self.points
@@ -142,9 +142,11 @@ class FaceContactModel(ContactModel):
 class FaceContactProblem:
     """Contact as a function of the positions of a patch's vertices, for one pose of the probe."""
 
-    def __init__(self, model: FaceContactModel, patch: SkinPatch, pose: ProbePose, frame: FaceFrame) -> None:
+    def __init__(
+        self, model: FaceContactModel, patch: SkinPatch, pose: ProbePose, frame: FaceFrame, *, stick: float = 1.0,
+    ) -> None:
         """Place the probe; arguments as those of `ContactProblem`."""
-        self.model, self.patch, self.pose = model, patch, pose
+        self.model, self.patch, self.pose, self.stick = model, patch, pose, stick
         points = model.points
         self._samples, self._corners = pose.place(model.probe.samples)[frame.samples], pose.place(model.probe.vertices)
         self._capsules = bounding_capsules(self._corners[model.probe.surface.triangles])
@@ -161,7 +163,7 @@ class FaceContactProblem:
         at = np.searchsorted(self._points, frame.points[known])
         self._anchored[at], self._anchor_normal[at] = True, frame.normal[known]
         # Along the normal nothing counts; the point itself is p, its partner moves with the probe.
-        self._anchor_offset[at] = frame.slip[known] - frame.start[known] - pose.place(frame.local[known])
+        self._anchor_offset[at] = frame.slip[known] / stick - frame.start[known] - pose.place(frame.local[known])
         self._seen_at: FloatArray | None = None
         self._offsets, self._candidates = np.zeros(count + 1, dtype=np.int64), np.empty(0, dtype=np.int64)
 
@@ -171,7 +173,7 @@ class FaceContactProblem:
         self._seek_pairs(positions)
         config = self.model.config
         per_area = share * config.stiffness / config.spacing**2
-        law = ContactConstants(per_area, config.smoothing, config.friction, SLIP_SHARE * per_area)
+        law = ContactConstants(per_area, config.smoothing, config.friction, self.stick * SLIP_SHARE * per_area)
         energy, penetration, hits, gradient, stiffness, touched, force, slip = evaluate_faces(
             positions, self._nodes, self._weights, self._area, self._offsets, self._candidates, self._corners,
             self.model.probe.surface.triangles, self._capsules, law, config.gap, self._anchored,
@@ -183,7 +185,7 @@ class FaceContactProblem:
     def slip_everywhere(self, forces: ContactForces) -> FloatArray:
         """Elastic slip of all contact points of the skin [mm], shape (`FaceContactModel.n_points`, 3)."""
         slip = np.zeros((self.model.n_points, 3))
-        slip[self._points] = forces.slip
+        slip[self._points] = self.stick * forces.slip
         return slip
 
     def tunnelled(self, positions: FloatArray) -> bool:

@@ -175,16 +175,21 @@ class ContactModel:
         key = key[order]
         frame.anchored[key] = True
         frame.vertices[key], frame.weights[key] = stencil[order], weights[order]
-        frame.local[key] = ((on_probe - pose.translation) @ pose.rotation)[order]
+        frame.local[key] = pose.local(on_probe)[order]
         frame.normal[key] = (apart / np.maximum(distance, 1e-12)[:, None])[order]
         frame.start[key] = apart[order]
         return frame
 
-    def problem(self, patch: SkinPatch, pose: ProbePose, frame: FrictionFrame) -> "ContactProblem":
-        """Contact with a patch of the skin for one pose of the probe, as what a load step solves against."""
+    def problem(
+        self, patch: SkinPatch, pose: ProbePose, frame: FrictionFrame, *, stick: float = 1.0,
+    ) -> "ContactProblem":
+        """Contact with a patch of the skin for one pose of the probe, as what a load step solves against.
+
+        With `stick` points stick by that share of their stiffness before they slide.
+        """
         from mixpinn.fem.contact.problem import ContactProblem
 
-        return ContactProblem(self, patch, pose, frame)
+        return ContactProblem(self, patch, pose, frame, stick=stick)
 
     def _near(
         self, vertices: FloatArray, pose: ProbePose, cutoff: float,

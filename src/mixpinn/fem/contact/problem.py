@@ -50,7 +50,9 @@ class ContactProblem:
     Contact points are the probe's samples followed by the patch's vertices.
     """
 
-    def __init__(self, model: ContactModel, patch: SkinPatch, pose: ProbePose, frame: FrictionFrame) -> None:
+    def __init__(
+        self, model: ContactModel, patch: SkinPatch, pose: ProbePose, frame: FrictionFrame, *, stick: float = 1.0,
+    ) -> None:
         """Place the probe.
 
         Args:
@@ -58,8 +60,10 @@ class ContactProblem:
             patch: the skin that the probe can reach; contact elsewhere is not seen.
             pose: of the probe.
             frame: what friction refers to.
+            stick: share of the stiffness with which points stick before they slide. Elastic slip that is carried
+                from step to step is that of the whole stiffness.
         """
-        self.model, self.patch, self.pose = model, patch, pose
+        self.model, self.patch, self.pose, self.stick = model, patch, pose, stick
         n_samples = len(model.probe.samples)
         self._samples = pose.place(model.probe.samples)
         self._corners = pose.place(model.probe.vertices)
@@ -70,7 +74,7 @@ class ContactProblem:
         anchored = frame.anchored[chosen] & (vertices >= 0).all(axis=1)
         self._anchors = Anchors(
             anchored, np.where(anchored[:, None], vertices, 0), frame.weights[chosen], frame.normal[chosen],
-            frame.slip[chosen] - frame.start[chosen] - pose.place(frame.local[chosen]),
+            frame.slip[chosen] / stick - frame.start[chosen] - pose.place(frame.local[chosen]),
         )
         self._seen_at: FloatArray | None = None
         nothing = np.empty((0, 2), dtype=np.int64)
@@ -92,21 +96,22 @@ class ContactProblem:
             self._samples, self._corners, self.model.probe.surface.triangles, self.patch.triangles, self._sample_pairs,
             self._vertex_pairs,
         )
-        law = ContactConstants(share * config.stiffness, config.smoothing, config.friction, share * config.stiffness)
-        energy, penetration, hits, gradient, stiffness, touched, force, slip = evaluate(
+        stiffness = share * config.stiffness
+        law = ContactConstants(stiffness, config.smoothing, config.friction, self.stick * stiffness)
+        energy, penetration, hits, gradient, hessian, touched, force, slip = evaluate(
             positions, pairs, self._anchors, law, config.gap, exact,
         )
         rows = np.flatnonzero(np.repeat(touched, 3))
         return ContactForces(
-            energy, gradient, stiffness[np.ix_(rows, rows)], touched, slip, force, penetration, hits,
+            energy, gradient, hessian[np.ix_(rows, rows)], touched, slip, force, penetration, hits,
         )
 
     def slip_everywhere(self, forces: ContactForces) -> FloatArray:
         """Elastic slip of all contact points of probe and skin [mm], shape (`ContactModel.n_points`, 3)."""
         n_samples = len(self._samples)
         slip = np.zeros((self.model.n_points, 3))
-        slip[:n_samples] = forces.slip[:n_samples]
-        slip[n_samples + self.patch.vertices] = forces.slip[n_samples:]
+        slip[:n_samples] = self.stick * forces.slip[:n_samples]
+        slip[n_samples + self.patch.vertices] = self.stick * forces.slip[n_samples:]
         return slip
 
     def tunnelled(self, positions: FloatArray) -> bool:

@@ -184,6 +184,8 @@ class PardisoSolver:
             except _PardisoError as error:
                 if error.value != _NOT_POSITIVE:
                     raise SolveError(f"PARDISO could not factorize the matrix: error {error}") from error
+                if definite:
+                    break
                 continue
             if not single or self._trusted or self._accurate():
                 self._trusted = single

@@ -25,6 +25,10 @@ NO_FORCE = 1e-6
 _LARGEST_MOVE = 0.75
 """A probe point may move by this part of the gap between two solves: the skin must not end up on its other side."""
 
+_SOFT_STICK = 1.0 / 16.0
+"""Coulomb's law with friction coefficients of about one need not have a solution close to the last: a point that sticks
+would slide, and one that slides would stick. Points that give way more before they slide then let the step end."""
+
 _MARGIN = 6.0
 """Skin that comes within this distance [mm] of the probe's path belongs to the patch on which contact is sought."""
 
@@ -204,6 +208,8 @@ class PoseSimulator:
         solution = self.solver.solve(guess, pose, frame)
         if not solution.converged and last.increment is not None:
             solution = self.solver.solve(last.balance.state, pose, frame)
+        if not solution.converged and self.scene.contact.friction:
+            solution = self.solver.solve(last.balance.state, pose, frame, stick=_SOFT_STICK)
         residual = solution.history[-1]
         if solution.converged:
             forces, slip, increment = solution.balance.contact, None, None

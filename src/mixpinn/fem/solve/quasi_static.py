@@ -21,7 +21,7 @@ from mixpinn.base.sensible import not_negative, positive, require_settings
 from mixpinn.fem.contact.model import ContactModel, FrictionFrame
 from mixpinn.fem.contact.problem import ContactForces, ContactProblem
 from mixpinn.fem.contact.surfaces import SkinPatch
-from mixpinn.fem.contact.unknowns import ContactUnknowns
+from mixpinn.fem.contact.unknowns import ContactUnknowns, Link
 from mixpinn.fem.elements.system import ElasticSystem, State
 from mixpinn.fem.solve.halves import in_halves
 from mixpinn.fem.solve.linear import LinearSolver, default_solver, symmetric_product
@@ -144,6 +144,7 @@ class QuasiStaticSolver:
         self._patch: SkinPatch | None = None
         self._unknowns: ContactUnknowns | None = None
         self._force: FloatArray = np.empty(0)
+        self._seat: FloatArray | None = None
         self._inverse: UpdatedInverse | None = None
 
     @property
@@ -153,7 +154,7 @@ class QuasiStaticSolver:
 
     def begin(self, patch: SkinPatch | None) -> None:
         """Choose the patch of skin on which contact is sought, and forget earlier solves."""
-        self._inverse = None
+        self._inverse = self._seat = None
         self.linear.begin()
         if patch is None or self.contact is None or not len(patch.vertices):
             self._patch, self._unknowns, self._force = None, None, np.empty(0)
@@ -162,11 +163,11 @@ class QuasiStaticSolver:
         self._unknowns = ContactUnknowns(self.system, self.contact.skin, patch, held=self.held)
         self._force = np.zeros(len(self._unknowns.kept))
 
-    def problem(self, pose: ProbePose, frame: FrictionFrame) -> ContactProblem | None:
-        """Contact of the probe at `pose` with the patch; None without one."""
+    def problem(self, pose: ProbePose, frame: FrictionFrame, *, stick: float = 1.0) -> ContactProblem | None:
+        """Contact of the probe at `pose` with the patch, `stick` as in `solve`; None without one."""
         if self.contact is None or self._patch is None:
             return None
-        return self.contact.problem(self._patch, pose, frame)
+        return self.contact.problem(self._patch, pose, frame, stick=stick)
 
     def balance(self, state: State, problem: ContactProblem | None) -> Balance:
         """Evaluate all forces at `state`."""
@@ -196,13 +197,21 @@ class QuasiStaticSolver:
             scale = float(np.linalg.norm(balance.internal))
         return float(np.linalg.norm(balance.residual * self._residual_scale)) / max(scale, self.config.force_floor)
 
-    def solve(self, state: State, pose: ProbePose | None = None, frame: FrictionFrame | None = None) -> StepSolution:
+    def solve(
+        self, state: State, pose: ProbePose | None = None, frame: FrictionFrame | None = None, *, stick: float = 1.0,
+    ) -> StepSolution:
         """Find equilibrium from the starting guess `state` with the probe at `pose`.
+
+        Args:
+            state: where to start.
+            pose: of the probe.
+            frame: what friction refers to.
+            stick: share of the stiffness with which contact points stick before they slide.
 
         Returns:
             The solution, `converged` or not: it is never raised as an error, since a step may be cut and tried again.
         """
-        problem = None if pose is None or frame is None else self.problem(pose, frame)
+        problem = None if pose is None or frame is None else self.problem(pose, frame, stick=stick)
         at = self.balance(state, problem)
         history = [self.relative_residual(at)]
         fresh = False
@@ -227,7 +236,9 @@ class QuasiStaticSolver:
                 self._inverse = None
         converged = history[-1] <= self.config.tolerance
         if converged and problem is not None and self._unknowns is not None:
-            converged = not problem.tunnelled(self._unknowns.positions(at.state))
+            positions = self._unknowns.positions(at.state)
+            converged = not problem.tunnelled(positions)
+            self._seat = problem.pose.local(positions) if converged else self._seat
         return StepSolution(at, converged, history, problem)
 
     def displace(self, state: State, increment: FloatArray) -> State:
@@ -290,26 +301,17 @@ class QuasiStaticSolver:
             forces = problem.evaluate(positions + link.move(y), exact=exact, share=share)
             return link.reduce(forces.gradient), *link.reduce_stiffness(forces.stiffness, forces.touched)
 
-        # The last forces are a good start where the probe has just moved and they leave the skin about where it is;
-        # else it is where the skin is. A start without forces would let the skin spring back through the probe.
         gap, compliance = problem.model.config.gap, self._inverse.compliance
         tolerance = min(max(_CONTACT_SHARE * self.config.tolerance, 1e-10), 1e-8)
         solve = partial(solve_condensed, compliance, free, largest_move=0.3 * gap)
-        near = np.abs(free - np.einsum("ij,j->i", compliance, self._force)).max(initial=0.0) < 0.25 * gap
-
-        def still() -> FloatArray:
-            """The forces that leave the skin where it is."""
-            return np.asarray(np.linalg.solve(compliance, free), dtype=np.float64)
-
-        starts = [self._force] if near else []
-        for start in starts if first else [still(), *starts]:
+        for start in self._starts(link, problem.pose, positions, free, first=first):
             found = solve(law, start=start, tolerance=tolerance, max_iterations=_CONTACT_ITERATIONS)
             self.effort.contact_iterations += found.iterations
             if found.converged:
                 self._force = found.force
                 return found.force
         # Deep in the probe the curvature of its distance outweighs the body; where contact gives way it does not.
-        start = still()
+        start = np.asarray(np.linalg.solve(compliance, free), dtype=np.float64)
         for share in _SHARES:
             found = solve(partial(law, share=share), start=start, tolerance=tolerance if share == 1.0 else 1e-3)
             self.effort.contact_iterations += found.iterations
@@ -318,6 +320,32 @@ class QuasiStaticSolver:
             start = found.force
         self._force = start
         return start
+
+    def _starts(
+        self, link: Link, pose: ProbePose, positions: FloatArray, free: FloatArray, *, first: bool,
+    ) -> list[FloatArray]:
+        """First guesses of the contact forces λ, the best first.
+
+        A contact is so stiff that forces a little off would leave the skin far from it. So where the skin lies is
+        guessed, and λ holds it there, by forces where it was pressed: where it is, or in the first iteration of a
+        step, when the probe has just moved, where it lay to the probe at the end of the last. Its last forces are
+        good enough where they leave the skin about where it is.
+        """
+        assert self._inverse is not None
+        assert self.contact is not None
+        compliance, pressed = self._inverse.compliance, np.flatnonzero(self._force)
+        near = np.abs(free - np.einsum("ij,j->i", compliance, self._force)).max(initial=0.0)
+        last = [self._force] if near < 0.25 * self.contact.config.gap else []
+        there = np.zeros(len(free))
+        if first:
+            if self._seat is None or link.jacobian is not None:
+                return last
+            there = link.collect(pose.place(self._seat) - positions)
+        if not len(pressed):
+            return [np.zeros(len(free)), *last]
+        holding = np.zeros(len(free))
+        holding[pressed] = np.linalg.solve(compliance[np.ix_(pressed, pressed)], (free - there)[pressed])
+        return [holding] if first else [holding, *last]
 
     def _advance(
         self, at: Balance, step: FloatArray, problem: ContactProblem | None, history: list[float],
