@@ -29,6 +29,9 @@ _SOFT_STICK = 1.0 / 16.0
 """Coulomb's law with friction coefficients of about one need not have a solution close to the last: a point that sticks
 would slide, and one that slides would stick. Points that give way more before they slide then let the step end."""
 
+_FACTORIZATIONS = 60
+"""A step that has taken so many is not divided further."""
+
 _MARGIN = 6.0
 """Skin that comes within this distance [mm] of the probe's path belongs to the patch on which contact is sought."""
 
@@ -73,6 +76,7 @@ class PoseSimulator:
         self.contact: ContactModel = contact_model(scene)
         self.system: ElasticSystem = elastic_system(scene)
         self.solver = QuasiStaticSolver(self.system, self.contact, scene.solver, linear=linear)
+        self._most = _FACTORIZATIONS
 
     def run(
         self, path: ProbePath, *, position_index: int = 0, rotation_deg: float = 0.0,
@@ -81,8 +85,8 @@ class PoseSimulator:
         """Simulate one pose.
 
         A step over which a point of the probe moves far is divided beforehand; one that does not converge is halved
-        up to `SolverConfig.max_cuts` times; if it still fails, it and the steps after it are recorded as not
-        converged. The result does not depend on poses simulated before.
+        up to `SolverConfig.max_cuts` times, fewer where that has taken long; if it still fails, it and the steps after
+        it are recorded as not converged. The result does not depend on poses simulated before.
 
         Args:
             path: poses of the probe, step by step.
@@ -125,6 +129,7 @@ class PoseSimulator:
             last = start
         for step, pose in enumerate(poses):
             began, effort = time.perf_counter(), self.solver.effort.iterations
+            self._most = self.solver.effort.factorizations + _FACTORIZATIONS
             found, residual = self._follow(last, pose)
             if found is None:
                 recorder.fail(step, residual, time.perf_counter() - began)
@@ -217,7 +222,7 @@ class PoseSimulator:
                 slip = solution.problem.slip_everywhere(forces)
                 increment = self.system.difference(last.balance.state, solution.balance.state)
             return Equilibrium(solution.balance, pose, slip, increment), residual
-        if cuts == 0:
+        if cuts == 0 or self.solver.effort.factorizations > self._most:
             return None, residual
         still = Equilibrium(last.balance, last.pose, last.slip, None)
         half, residual = self._advance(still, last.pose.towards(pose, 0.5), cuts - 1)

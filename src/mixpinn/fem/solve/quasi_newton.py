@@ -46,6 +46,17 @@ def _coefficients(along, across, cross, square, rhos, count, weights, factors): 
         factors[i] = weights[i] - rhos[i] * total
 
 
+@numba.njit(cache=True)
+def _updated(block, step, image, rho, scale):  # type: ignore[no-untyped-def]
+    """block − ρ (s uᵀ + u sᵀ) + scale s sᵀ."""
+    found = np.empty_like(block)
+    for i in range(len(step)):
+        row, out, s, u = block[i], found[i], step[i], image[i]
+        for j in range(len(step)):
+            out[j] = row[j] - rho * (s * image[j] + u * step[j]) + scale * (s * step[j])
+    return found
+
+
 @dataclass(frozen=True, eq=False)
 class _Pair:
     """A step and the elastic residuals before and after it, shape (n,) each."""
@@ -200,9 +211,7 @@ class UpdatedInverse:
             turned = square - 2.0 * float((weights * change.across).sum())  # yᵀ H y
             turned += float(np.einsum("i,ij,j->", weights, self._square[:count, :count], weights))
             turned += float((weights**2 / self._rhos[:count]).sum())
-            cross = np.outer(s, u)
-            scale = rho * (1.0 + rho * turned)
-            self._compliance = self._compliance - rho * (cross + cross.T) + scale * np.outer(s, s)
+            self._compliance = _updated(self._compliance, s, u, rho, rho * (1.0 + rho * turned))
         if count == len(self._rhos):
             self._grow(count + max(8, count))
         self._steps[count], self._images[count], self._rhos[count] = step, change.half.image, rho

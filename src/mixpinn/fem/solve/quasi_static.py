@@ -36,6 +36,9 @@ _CONTACT_SHARE = 0.01
 _SHARES = (1.0 / 256.0, 1.0 / 16.0, 1.0)
 """Shares of the contact's stiffness, one after another: with the first, the probe's weight on soft tissue is borne by
 violations of the gap of the order of the gap itself."""
+_FACTORIZATIONS = 24
+"""Of one solve, at most. Where tissue is about to buckle the tangent is indefinite, and what is factorized in its place
+may lead to equilibrium very slowly."""
 _SINGLE = 1e-7
 """Down to this tolerance a factorization in single precision does: iterations correct its errors, whose rounding leaves
 about 3e-8 of the contact forces."""
@@ -214,9 +217,11 @@ class QuasiStaticSolver:
         problem = None if pose is None or frame is None else self.problem(pose, frame, stick=stick)
         at = self.balance(state, problem)
         history = [self.relative_residual(at)]
-        fresh = False
+        fresh, most = False, self.effort.factorizations + _FACTORIZATIONS
         while history[-1] > self.config.tolerance and len(history) <= self.config.max_iterations:
             if self._inverse is None:
+                if self.effort.factorizations >= most:
+                    break
                 try:
                     self._inverse = self._factorize(at)
                 except SolveError:
