@@ -151,6 +151,11 @@ class TestPredict:
         words = [*words, chain.simulation] if words else []
         refused("predict", chain.model, "--out", tmp_path / "out" / "p.vtu", *words, says=says, out=tmp_path / "out")
 
+    @pytest.mark.parametrize("text", ["1e308,0,0", "0,-10001,0", "0,nan,0", "1,2"])
+    def test_tip(self, chain, tmp_path, text):
+        out = tmp_path / "out"
+        refused("predict", chain.model, f"--tip={text}", "--out", out / "p.vtu", says=f"got '{text}'", out=out)
+
     @pytest.mark.parametrize("text", ["node,dx,dy,dz\n99999,0,0,0\n", "1,2\n", "", "1,0,nan,0\n"])
     def test_bad_contacts(self, chain, tmp_path, text):
         (tmp_path / "contacts.csv").write_text(text)

@@ -67,7 +67,8 @@ def test_fixed_file_counts_within_the_soft_nodes(grid, tmp_path):
 
 @pytest.mark.parametrize(("text", "message"), [
     ("0\n99999\n", "99999"), ("0 one", "got 'one'; write one integer a line"), ("node\n1\n2\n", "got 'node'"),
-    ("1.5\n", "one integer a line"), ("0\n1\n1\n0\n0\n", "5 numbers that are 0 or 1, a mask"),
+    ("1.5\n", "one integer a line"), ("1\n125\n", "got 125; count from 0: these"),
+    ("0\n1\n1\n0\n0\n", "5 numbers that are 0 or 1, a mask"),
 ])
 def test_bad_fixed_file(grid, tmp_path, text, message):
     (tmp_path / "fixed.txt").write_text(text)

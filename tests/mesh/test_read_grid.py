@@ -101,6 +101,18 @@ def test_meshes_that_were_cut_short(grid, tmp_path, kind, binary):
     refused(read_tetrahedra, path)
 
 
+@pytest.mark.parametrize(("mark", "count"), [(1, 5), (32, 5), (2, 0)])
+def test_cells_of_another_piece(grid, tmp_path, mark, count):
+    marked = grid.copy()
+    marked.cell_data["vtkGhostType"] = np.where(np.arange(135) < 5, mark, 0).astype(np.uint8)
+    marked.save(tmp_path / "piece.vtu")
+    if count:
+        with pytest.raises(InputError, match="got 5 ghost cells"):
+            read_tetrahedra(tmp_path / "piece.vtu")
+    else:  # a cell of its own, with many neighbours
+        assert read_tetrahedra(tmp_path / "piece.vtu").n_cells == 135
+
+
 def test_tetrahedra_with_three_points(grid, tmp_path):
     grid.save(tmp_path / "given.vtk", binary=False)
     text = (tmp_path / "given.vtk").read_text()

@@ -14,6 +14,9 @@ if TYPE_CHECKING:
     from mixpinn.records import TissueMesh
     from mixpinn.stages.simulation import SimulationConfig
 
+_FARTHEST = 10_000.0
+"""A coordinate beyond this [mm] is no place of a probe."""
+
 Protocol = Annotated[str | None, typer.Option(help="paper, anatomy, small, tiny or sofa-replay.")]
 ProbeFile = Annotated[Path | None, typer.Option(help="Probe surface (.stl), tip at the origin, pointing to −y.")]
 Positions = Annotated[Path | None, typer.Option(help="File with one probe position a line.")]
@@ -56,7 +59,7 @@ def read_tip(text: str) -> tuple[float, float, float]:
     """The place of a probe's tip [mm] from 'x,y,z'.
 
     Raises:
-        InputError: not three finite numbers.
+        InputError: not three finite numbers, or a place more than 10 m from the body.
     """
     try:
         x, y, z = (float(word) for word in text.split(","))
@@ -65,6 +68,11 @@ def read_tip(text: str) -> tuple[float, float, float]:
     if not all(map(math.isfinite, (x, y, z))):
         raise InputError(
             "tip", expected="three numbers 'x,y,z' [mm]", got=repr(text), fix="for example --tip=-10,120.5,35",
+        )
+    if max(abs(x), abs(y), abs(z)) > _FARTHEST:
+        raise InputError(
+            "tip", expected=f"a place within {_FARTHEST / 1e3:.0f} m of the body [mm]", got=repr(text),
+            fix="check the unit; the world's origin is the middle of the body",
         )
     return x, y, z
 

@@ -207,9 +207,11 @@ def _read_fixed(path: Path, grid: pv.UnstructuredGrid) -> BoolArray:
         in_soft or ORIGINAL in grid.point_data) else np.arange(grid.n_points)
     known = np.isin(indices, index[index >= 0])
     if not known.all():
+        from_one = bool(np.isin(indices - 1, index[index >= 0]).all())
         raise InputError(
             str(path), expected=f"indices of {'soft nodes' if in_soft else 'nodes'} up to {index.max()}",
-            got=f"{indices[~known][0]}", fix="use the list that belongs to this mesh",
+            got=f"{indices[~known][0]}",
+            fix="count from 0: these count from 1" if from_one else "use the list that belongs to this mesh",
         )
     held: BoolArray = np.isin(index, indices) & (index >= 0)
     return held

@@ -22,6 +22,8 @@ _FLAT = {
     "empty_cell", "vertex", "poly_vertex", "line", "poly_line", "triangle", "triangle_strip", "polygon", "pixel",
     "quad", "quadratic_edge", "quadratic_triangle", "quadratic_quad",
 }
+_GHOSTS, _NOT_OF_THIS = "vtkGhostType", 1 | 8 | 32
+"""VTK's array of marks, and those of cells that are another piece's, cut finer elsewhere, or hidden."""
 _NAMES = {int(kind): kind.name.lower() for kind in pv.CellType}
 _CORNERS = (
     "write their corners alone (pyvista.UnstructuredGrid({10: grid.cells_dict[24][:, :4]}, grid.points).clean()); "
@@ -36,7 +38,7 @@ def read_tetrahedra(path: Path) -> pv.UnstructuredGrid:
     Points, lines and faces beside them are left out, and so are points that only those used.
 
     Raises:
-        InputError: absent, unreadable, no tetrahedra, or other volume cells beside them.
+        InputError: absent, unreadable, no tetrahedra, or other volume cells or ghost cells beside them.
     """
     arrays, about = _read(path)
     types, lengths = arrays["types"], np.diff(arrays["offsets"])
@@ -51,6 +53,13 @@ def read_tetrahedra(path: Path) -> pv.UnstructuredGrid:
         )
     if (lengths[chosen] != 4).any():
         raise InputError(str(path), expected="four points a tetrahedron", got="another number", fix=_FIX)
+    if _GHOSTS in about["cell_data"]:
+        marks = arrays[f"cell_data.{about['cell_data'].index(_GHOSTS)}"][chosen]
+        if marks.dtype.kind in "iu" and (ghosts := int(np.count_nonzero(marks.astype(np.int64) & _NOT_OF_THIS))):
+            raise InputError(
+                str(path), expected="cells that are the mesh's own", got=f"{ghosts} ghost cells ({_GHOSTS})",
+                fix="write it without them (pyvista: grid.RemoveGhostCells())",
+            )
     corners = arrays["connectivity"]
     cells = corners[arrays["offsets"][:-1][chosen][:, None] + np.arange(4)]
     grid = _grid(cells, chosen, arrays, about)

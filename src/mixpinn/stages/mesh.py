@@ -17,7 +17,7 @@ from mixpinn.base.validated import load_record
 from mixpinn.mesh.cells.bisect import refine_to
 from mixpinn.mesh.cells.label import label_mesh
 from mixpinn.mesh.cells.tissues import tissue_table
-from mixpinn.mesh.checks.condition import check_unit, frame_warnings, mesh_warnings
+from mixpinn.mesh.checks.condition import check_unit, frame_warnings, mesh_warnings, numbering_warnings
 from mixpinn.mesh.checks.ears import peel_flat_ears
 from mixpinn.mesh.checks.fidelity import MeshFidelity, mesh_fidelity
 from mixpinn.mesh.checks.quality import MeshQuality, mesh_quality
@@ -262,7 +262,7 @@ def _build(source: LabelMap | DomainSurfaces | Path | str, config: MeshConfig) -
         console.print(line, soft_wrap=True)
     odd = mesh_warnings(mesh)
     if isinstance(source, Path | str):
-        odd = (*odd, *frame_warnings(mesh))
+        odd = (*odd, *frame_warnings(mesh), *(numbering_warnings(mesh) if config.fixed else ()))
         for line in odd:
             console.print(f"[yellow]warning[/]: {line}", soft_wrap=True)
     doubts = (*mesh.doubts, *thin, *(f"mesh: {line}" for line in odd))

@@ -5,7 +5,7 @@ import pytest
 
 from mesh.shapes import box_mesh
 from mixpinn.base.errors import InputError
-from mixpinn.mesh.checks.condition import check_unit, frame_warnings, mesh_warnings
+from mixpinn.mesh.checks.condition import check_unit, frame_warnings, mesh_warnings, numbering_warnings
 
 MESH = box_mesh(cavity=np.s_[1:3, 1:3, 1:2], spacing=30.0)
 HELD = replace(MESH, fixed=MESH.points[:, 1] < -50.0)
@@ -76,3 +76,37 @@ def test_pieces_and_doubled_points():
     lines = mesh_warnings(two)
     assert any("3 pieces that are not connected" in line and "2 of them without a fixed node" in line for line in lines)
     assert any(f"{HELD.n_points} points lie at the place of another" in line for line in lines)
+
+
+def renumbered(order):
+    """`HELD` with its points in another order."""
+    where = np.argsort(order)
+    return replace(
+        HELD, points=HELD.points[order], part=HELD.part[order], fixed=HELD.fixed[order],
+        cells=where[HELD.cells].astype(HELD.cells.dtype),
+    )
+
+
+ANY = np.random.default_rng(5).permutation(HELD.n_points)
+ORDERS = {
+    "strewn": ANY, "as meshed": np.arange(HELD.n_points),
+    "skin first": ANY[np.isin(ANY, HELD.skin_faces, invert=True).argsort(kind="stable")],
+}
+
+
+@pytest.mark.parametrize("order", ORDERS)
+def test_a_list_from_0_is_taken_as_it_is(order):
+    assert numbering_warnings(renumbered(ORDERS[order])) == ()
+
+
+def test_a_list_from_1_is_told_by_edges():
+    mesh = renumbered(ORDERS["skin first"])
+    line, = numbering_warnings(replace(mesh, fixed=np.roll(mesh.fixed, 1)))
+    assert "edges join the 25 fixed nodes" in line
+    assert "counted from 1?" in line
+
+
+def test_a_list_from_1_is_told_by_the_skin():
+    fixed = HELD.points[:, 2] < -50.0  # numbers run along this axis
+    line, = numbering_warnings(replace(HELD, fixed=np.roll(fixed, 1)))
+    assert "9 of the 25 fixed nodes lie inside the body, the ones before them all on its skin" in line

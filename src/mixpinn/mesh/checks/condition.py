@@ -16,6 +16,9 @@ _IN_FRONT = 0.4
 _METRES, _CENTIMETRES, _LARGEST = 5.0, 60.0, 5000.0
 """Bodies less long than the first [mm] are none; less long than the second they may be in centimetres."""
 
+_FEWEST = 8
+"""Fixed nodes from which on a list of them may show how it was counted."""
+
 
 def check_unit(mesh: TissueMesh, *, what: str) -> None:
     """Refuse a mesh whose lengths cannot be millimetres.
@@ -62,6 +65,37 @@ def _warnings(mesh: TissueMesh) -> Iterator[str]:
         yield "every soft node is fixed: nothing can move" if soft else "every node is rigid: no soft tissue is left"
     if not mesh.rigid_names:
         yield "no rigid part: all of it is soft tissue"
+
+
+def numbering_warnings(mesh: TissueMesh) -> tuple[str, ...]:
+    """What says that a list of fixed nodes was counted from 1, a line at most.
+
+    Such a list holds the node after each that was meant. So either nodes inside the body are held and the ones before
+    them all lie on the skin, or the held nodes are strewn about and the ones before them are neighbours. The nodes are
+    counted among all or among the soft ones, as lists are.
+    """
+    soft = np.flatnonzero(mesh.part == 0)
+    return next((found for nodes in (np.arange(mesh.n_points), soft) if (found := _numbering(mesh, nodes))), ())
+
+
+def _numbering(mesh: TissueMesh, nodes: IntArray) -> tuple[str, ...]:
+    held = mesh.fixed[nodes]
+    count = int(held.sum())
+    if held[0] or count < _FEWEST:
+        return ()
+    meant = np.zeros(mesh.n_points, dtype=bool)
+    meant[nodes[:-1]] = held[1:]
+    skin = np.zeros(mesh.n_points, dtype=bool)
+    skin[mesh.skin_faces] = True
+    inside = int((mesh.fixed & ~skin).sum())
+    if 4 * inside >= count and skin[meant].all():
+        sign = f"{inside} of the {count} fixed nodes lie inside the body, the ones before them all on its skin"
+    else:
+        joined, before = (int(mask[mesh.edges].all(axis=1).sum()) for mask in (mesh.fixed, meant))
+        if before <= max(2 * joined, count):
+            return ()
+        sign = f"{joined} edges join the {count} fixed nodes, {before} the ones before them"
+    return (f"{sign}: is the list counted from 1? Nodes count from 0",)
 
 
 def frame_warnings(mesh: TissueMesh) -> tuple[str, ...]:
