@@ -36,7 +36,22 @@ NO_MODES = json.dumps({"about": None, "arrays": {
     "coupling": ["float32", [0, 48]], "duals": ["float32", [0, 126]], "gain": ["float32", [5, 0]],
     "modes": ["float32", [0, 126]], "readers": ["float32", [0, 48]],
 }}).encode()
+NO_AXIS = ["int64", [], [0]]
+
+
+def handed(kind, **arrays):
+    """What a child hands over of a grid (4) or a surface (5): of each array type, shape and numbers."""
+    none = {"point_data": [], "cell_data": [], "field_data": [], "text": {}}
+    return bytes([kind]) + json.dumps({"arrays": arrays, "about": none}).encode()
+
+
+POINTS = ["float64", [4, 3], [0, 0, 0, 9, 0, 0, 0, 9, 0, 0, 0, 9]]
+CELL = {"connectivity": ["int64", [4], [0, 1, 2, 3]], "offsets": ["int64", [2], [0, 4]], "types": ["uint8", [1], [10]]}
 FOUND = {
+    "a number instead of triangles": ("foreign", handed(5, points=POINTS, triangles=NO_AXIS)),
+    "a number instead of vertices": ("foreign", handed(5, points=NO_AXIS, triangles=["int64", [1, 3], [0]])),
+    "a number instead of types": ("foreign", handed(4, points=POINTS, **CELL | {"types": NO_AXIS})),
+    "a number instead of points": ("foreign", handed(4, points=NO_AXIS, **CELL)),
     "a regression on features that there are none of": ("bundles", b"\x07" + NO_MODES),
     "directions for fewer axes": ("labels", b"\x02" + LAYERS),
     "no dimension": ("labels", b"\x02NRRD0004\ndimension: 0\nsizes:\n\n"),

@@ -83,6 +83,8 @@ def _read(path: Path) -> tuple[dict[str, AnyArray], Any]:
     except ValueError as error:
         fix = _FIX + (", or from Gmsh in version 2.2 (-format msh2)" if suffix == ".msh" else "")
         raise InputError(str(path), expected=_EXPECTED, got=str(error), fix=fix) from error
+    if single := [name for name, values in arrays.items() if not values.ndim]:
+        raise InputError(str(path), expected="arrays", got=f"a single number ({', '.join(single)[:80]})", fix=_FIX)
     corners, offsets, count = arrays["connectivity"], arrays["offsets"], len(arrays["types"])
     specs = {
         "points": ArraySpec("number", ("points", 3)), "types": ArraySpec("index", ("cells",), low=0),

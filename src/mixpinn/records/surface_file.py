@@ -36,14 +36,11 @@ def read_surface(path: Path | str, *, expected: str, fix: str) -> tuple[FloatArr
     except ValueError as error:
         raise InputError(str(path), expected=expected, got=str(error), fix=fix) from error
     points, triangles = arrays["points"], arrays["triangles"]
-    if not len(triangles):
+    if not triangles.size:
         raise InputError(str(path), expected=expected, got="0 readable triangles", fix=fix)
-    specs = {
-        "points": ArraySpec("number", ("p", 3)),
-        "triangles": ArraySpec("index", ("t", 3), low=0, high=len(points) - 1),
-    }
-    for name, spec in specs.items():
-        spec.check(arrays[name], f"{path}: {name}", extents={}, remake=fix)
+    ArraySpec("number", ("p", 3)).check(points, f"{path}: points", extents={}, remake=fix)
+    faces = ArraySpec("index", ("t", 3), low=0, high=len(points) - 1)
+    faces.check(triangles, f"{path}: triangles", extents={}, remake=fix)
     return points.astype(np.float64), triangles.astype(np.int64)
 
 
