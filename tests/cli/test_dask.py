@@ -15,7 +15,9 @@ from mixpinn.dataset import PoseState, SimulationStore
 distributed = pytest.importorskip("distributed")
 
 
-def test_killed_dask_worker_loses_no_finished_pose_and_no_data(chain, tmp_path):
+def test_killed_dask_worker_loses_no_finished_pose_and_no_data(chain, tmp_path, drill):
+    if not drill:
+        pytest.skip("only in 'make drill': workers that die are tested in tests/dataset/test_dask_pool.py")
     out = tmp_path / "out"
     words = [str(word) for word in chain.words("simulate", out=out)]
     with distributed.LocalCluster(

@@ -48,7 +48,9 @@ def test_a_stopped_worker_costs_its_pose_one_attempt_and_then_the_pose(tmp_path,
 
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP])
-def test_a_worker_that_ends_or_stops_while_it_starts_is_replaced(tmp_path, marks, number):
+def test_a_worker_that_ends_or_stops_while_it_starts_is_replaced(tmp_path, marks, number, drill):
+    if number == signal.SIGKILL and not drill:
+        pytest.skip("only in 'make drill': one that stops is noticed later, and replaced in the same way")
     scene = FakeScene(block(3))
     store = short_store(tmp_path / "store", scene, positions=1, protocol=ONE_ROTATION)
     found = simulate(store, Stubborn(scene, number, marks, times=1), timeout=TIMEOUT)
