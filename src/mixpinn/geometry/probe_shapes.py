@@ -6,6 +6,9 @@ from mixpinn.base.arrays import FloatArray, IntArray
 from mixpinn.base.errors import InputError
 from mixpinn.records import Probe
 
+_VALLEY = 1e-9
+"""How far above the plane of the triangle beside it a vertex may lie [mm]."""
+
 
 def linear_probe(
     *, length: float = 57.0, width: float = 16.0, height: float = 40.0, radius: float = 5.0, spacing: float = 3.0,
@@ -42,7 +45,8 @@ def linear_probe(
     import pyvista as pv
 
     surface = pv.PolyData.from_regular_faces(points, triangles).clean(tolerance=1e-6, absolute=True)
-    return Probe(np.asarray(surface.points, dtype=np.float64), surface.regular_faces.astype(np.int64), "linear probe")
+    corners = np.asarray(surface.points, dtype=np.float64)
+    return Probe(corners, _without_valleys(corners, surface.regular_faces.astype(np.int64)), "linear probe")
 
 
 def spherical_probe(*, radius: float = 15.0, subdivisions: int = 4) -> Probe:
@@ -53,6 +57,34 @@ def spherical_probe(*, radius: float = 15.0, subdivisions: int = 4) -> Probe:
     return Probe(
         np.asarray(sphere.points, dtype=np.float64), sphere.regular_faces.astype(np.int64), "spherical probe",
     )
+
+
+def _without_valleys(points: FloatArray, triangles: IntArray) -> IntArray:
+    """Triangles (t, 3) of a closed surface with the vertices of a convex body (p, 3), none of its edges a valley.
+
+    In a valley, however shallow, the nearest place of the surface jumps from one side to the other, and with it the
+    direction of contact. The two triangles at such an edge are replaced by those at the other diagonal of the four
+    vertices, which raises the surface.
+    """
+    triangles = triangles.copy()
+    while True:
+        start, end = triangles.ravel(), np.roll(triangles, -1, axis=1).ravel()
+        apex, owner = np.roll(triangles, -2, axis=1).ravel(), np.repeat(np.arange(len(triangles)), 3)
+        forth, back = start * len(points) + end, end * len(points) + start
+        order = np.argsort(forth)
+        twin = order[np.searchsorted(forth, back, sorter=order)]
+        normal = np.cross(points[end] - points[start], points[apex] - points[start])
+        rise = np.einsum("ek,ek->e", normal, points[apex[twin]] - points[start]) / np.linalg.norm(normal, axis=1)
+        free = np.ones(len(triangles), dtype=bool)
+        valleys = np.flatnonzero(rise > _VALLEY)
+        for edge in valleys[np.argsort(-rise[valleys], kind="stable")]:
+            first, second, other = owner[edge], owner[twin[edge]], apex[twin[edge]]
+            if free[first] and free[second]:
+                triangles[first] = start[edge], other, apex[edge]
+                triangles[second] = other, end[edge], apex[edge]
+                free[[first, second]] = False
+        if free.all():
+            return triangles
 
 
 def _box_surface(size: FloatArray, spacing: float) -> tuple[FloatArray, IntArray]:
