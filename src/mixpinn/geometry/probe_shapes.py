@@ -67,7 +67,7 @@ def _without_valleys(points: FloatArray, triangles: IntArray) -> IntArray:
     vertices, which raises the surface.
     """
     triangles = triangles.copy()
-    while True:
+    for _ in range(len(triangles)):  # each pass raises the surface; a few are enough
         start, end = triangles.ravel(), np.roll(triangles, -1, axis=1).ravel()
         apex, owner = np.roll(triangles, -2, axis=1).ravel(), np.repeat(np.arange(len(triangles)), 3)
         forth, back = start * len(points) + end, end * len(points) + start
@@ -84,7 +84,8 @@ def _without_valleys(points: FloatArray, triangles: IntArray) -> IntArray:
                 triangles[second] = other, end[edge], apex[edge]
                 free[[first, second]] = False
         if free.all():
-            return triangles
+            break
+    return triangles
 
 
 def _box_surface(size: FloatArray, spacing: float) -> tuple[FloatArray, IntArray]:

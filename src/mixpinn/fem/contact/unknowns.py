@@ -37,12 +37,6 @@ class Link:
         reduced[self.columns] = gradient.ravel()
         return reduced[:-1]
 
-    def collect(self, moved: FloatArray) -> FloatArray:
-        """Increments of the unknowns (m,) for displacements of the vertices (v, 3), where there is no jacobian."""
-        found = np.zeros(self.count + 1)
-        found[self.columns] = moved.ravel()
-        return found[:-1]
-
     def reduce_stiffness(self, stiffness: FloatArray, touched: BoolArray) -> tuple[FloatArray, IntArray]:
         """Stiffness (3 a, 3 a) of the a `touched` vertices (v,) by the unknowns that move them, and these unknowns."""
         rows = np.flatnonzero(np.repeat(touched, 3))

@@ -9,7 +9,7 @@ is smooth. A factorized tangent therefore serves many iterations and load steps,
 """
 
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -23,6 +23,7 @@ from mixpinn.fem.contact.problem import ContactForces, ContactProblem
 from mixpinn.fem.contact.surfaces import SkinPatch
 from mixpinn.fem.contact.unknowns import ContactUnknowns, Link
 from mixpinn.fem.elements.system import ElasticSystem, State
+from mixpinn.fem.solve.effort import Effort
 from mixpinn.fem.solve.halves import in_halves
 from mixpinn.fem.solve.linear import LinearSolver, default_solver, symmetric_product
 from mixpinn.fem.solve.quasi_newton import UpdatedInverse
@@ -73,23 +74,6 @@ class SolverConfig:
             **not_negative(self, "max_cuts", "updates", "slow"),
             "threads": (self.threads is None or self.threads >= 1, "at least 1"),
         })
-
-
-@dataclass
-class Effort:
-    """Where the time of solves goes; every entry adds up over the solver's life."""
-
-    iterations: int = 0
-    contact_iterations: int = 0
-    factorizations: int = 0
-    evaluations: int = 0
-    seconds: dict[str, float] = field(default_factory=lambda: {
-        "assembly": 0.0, "factorization": 0.0, "solve": 0.0, "gradient": 0.0, "contact": 0.0,
-    })
-
-    def add(self, phase: str, since: float) -> None:
-        """Book the time from `since` (of `time.perf_counter`) until now to `phase`."""
-        self.seconds[phase] += time.perf_counter() - since
 
 
 @dataclass(frozen=True, eq=False)
@@ -345,7 +329,7 @@ class QuasiStaticSolver:
         if first:
             if self._seat is None or link.jacobian is not None:
                 return last
-            there = link.collect(pose.place(self._seat) - positions)
+            there = link.reduce(pose.place(self._seat) - positions)  # each coordinate is an unknown, or held
         if not len(pressed):
             return [np.zeros(len(free)), *last]
         holding = np.zeros(len(free))
