@@ -74,6 +74,14 @@ def test_a_newton_step_of_contact_brings_it_closer_to_the_full_solve(hybrid, mod
     assert wrong(1) < 0.5 * wrong(0)
 
 
+def test_a_newton_step_of_which_nothing_is_taken_is_not_computed(model, monkeypatch) -> None:
+    linear = replace(model, steps=0).predict(TURN, tip(depth=5.0))
+    monkeypatch.setattr(PoseModel, "_shift", None)
+    unbent = replace(model, bend=0.0).predict(TURN, tip(depth=5.0))
+    assert_array_equal(unbent.displacement, linear.displacement)
+    assert_array_equal(unbent.wrench, linear.wrench)
+
+
 def test_rigid_parts_stay_exactly_rigid(model) -> None:
     found = model.predict(TURN, tip(depth=5.0))
     coordinates, mesh = model.hybrid.prior.coordinates, model.hybrid.mesh

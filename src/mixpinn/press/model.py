@@ -133,7 +133,7 @@ class PoseModel:
         correction: learned from simulations, if any.
         error: which errors to expect, where the model was calibrated.
         steps: Newton steps of contact; 0 leaves it on the linear body.
-        bend: β, the part of a Newton step that contact takes.
+        bend: β, the part of a Newton step that contact takes; where it takes none, none is computed.
     """
 
     hybrid: HybridModel
@@ -265,7 +265,7 @@ class PoseModel:
         for _ in range(self.steps):
             if not session.force.any():
                 break
-            shift = self.bend * self._shift(session)
+            shift = self.bend * self._shift(session) if self.bend > 0.0 else np.zeros_like(session.shift)
             bent = float(np.sqrt((shift**2).sum(axis=1).mean()))
             session = session.shifted(shift)
         return Touch(rotations, translations, session.outcome(), bent)
