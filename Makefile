@@ -16,7 +16,7 @@ EXTRAS ?= cgal,dicom,distributed,dev,docs
 SEEDS ?= 5
 DRILL := build/drill/$(shell git rev-parse --short HEAD 2>/dev/null || echo tree)
 
-.PHONY: demo test static check docs drill patient1 install clean help
+.PHONY: demo test static check docs all static-docs lint drill patient1 install clean help
 
 help: ## Show this list
 	@grep -hE '^[a-z0-9]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 14
@@ -46,10 +46,18 @@ static: $(STAMP) ## Types and layers
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-# Tests wait for processes, clocks and sockets now and then; types are checked in that time.
-check: $(STAMP) ## Linter, types, layers, tests
+lint: $(STAMP)
 	$(BIN)/ruff check src tests benchmarks validation $(wildcard examples) docs/*.py
+
+# Tests wait for processes, clocks and sockets now and then; types are checked, and the site is built, in that time.
+check: lint ## Linter, types, layers, tests
 	$(MAKE) -j 2 static test
+
+all: lint ## The same, and the site
+	$(MAKE) -j 2 static-docs test
+
+static-docs: static
+	$(MAKE) docs
 
 docs: $(STAMP) ## The site, in build/docs/index.html; a warning is an error
 	$(BIN)/python -m sphinx -W --keep-going --quiet -b html -d build/doctrees docs build/docs

@@ -19,12 +19,16 @@ from pipeline.chain import ANATOMY, MESH, MODELS, RUN, SIMULATION
 from serving.live.pressed import block_predictor, save_bundle
 
 KINDS = ("SIGKILL", "SIGTERM", "SIGINT", "worker")
-SHORT = {"mesh": ("SIGKILL",)}
-"""What is done outside of `make drill`."""
 NAMES = (
     "anatomy", "mesh", "simulate", "dataset", "train", "train-hybrid", "evaluate", "predict", "run", "onboard",
     "ablate", "profile", "export-sofa", "import-sofa", "assess",
 )
+
+
+@pytest.fixture(scope="module", autouse=True)
+def long(drill):
+    if not drill:
+        pytest.skip("only in 'make drill': simulations and ablations that are killed are in tests/cli")
 
 
 @pytest.fixture(scope="module")
@@ -127,23 +131,18 @@ _made = {}
 
 @pytest.mark.skipif(not hasattr(signal, "SIGSTOP"), reason="processes cannot be stopped here")
 @pytest.mark.parametrize("name", NAMES)
-def test_a_killed_command_goes_on(verbs, undisturbed, pace, name, drill, tmp_path):
-    kinds = KINDS if drill else SHORT.get(name, ())
-    if not kinds:
-        pytest.skip("only in 'make drill'")
+def test_a_killed_command_goes_on(verbs, undisturbed, pace, name, tmp_path):
     reference, seconds = undisturbed(name)
     rng = np.random.default_rng(zlib.crc32(name.encode()))
     began = time.monotonic()
-    wrong = killed(verbs[name], reference, tmp_path, kinds=kinds, seconds=seconds, pace=pace, rng=rng)
+    wrong = killed(verbs[name], reference, tmp_path, kinds=KINDS, seconds=seconds, pace=pace, rng=rng)
     passed = time.monotonic() - began
-    print(f"{name}: {len(kinds)} kills; {seconds:.1f} s alone, {passed:.0f} s with all kills; {len(wrong)} wrong")
+    print(f"{name}: {len(KINDS)} kills; {seconds:.1f} s alone, {passed:.0f} s with all kills; {len(wrong)} wrong")
     assert not wrong, "\n".join(wrong)
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_command_twice_at_once(verbs, undisturbed, pace, name, drill, tmp_path):
-    if not drill:
-        pytest.skip("only in 'make drill'")
+def test_a_command_twice_at_once(verbs, undisturbed, pace, name, tmp_path):
     reference, seconds = undisturbed(name)
     wrong = two_at_once(verbs[name], reference, tmp_path, patience=pace.patience(seconds))
     assert not wrong, "\n".join(wrong)

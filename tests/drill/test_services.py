@@ -9,8 +9,12 @@ from drill.service_drill import Service, killed
 from serving.live.pressed import block_predictor, save_bundle
 
 KINDS = ("SIGTERM", "SIGINT", "SIGKILL", "SIGSTOP")
-SHORT = {("serve", "SIGINT")}
-"""What is done outside of `make drill`."""
+
+
+@pytest.fixture(scope="module", autouse=True)
+def long(drill):
+    if not drill:
+        pytest.skip("only in 'make drill': a server that is interrupted while it serves is in tests/cli/test_live.py")
 
 
 @pytest.fixture(scope="module")
@@ -28,9 +32,7 @@ def service(name, bundle):
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("name", ["serve", "view", "stream"])
-def test_a_killed_server_ends_and_the_next_one_serves(bundle, name, kind, drill, tmp_path):
-    if not drill and (name, kind) not in SHORT:
-        pytest.skip("only in 'make drill'")
+def test_a_killed_server_ends_and_the_next_one_serves(bundle, name, kind, tmp_path):
     rng = np.random.default_rng(zlib.crc32(f"{name} {kind}".encode()))
     wrong = killed(service(name, bundle), bundle, tmp_path, kind=kind, rng=rng)
     print(f"{name}: {kind} while starting and while serving; {len(wrong)} wrong")

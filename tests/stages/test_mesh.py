@@ -38,7 +38,7 @@ def test_run_directory_of_the_tiny_phantom(phantom, tmp_path):
 
 def test_one_geometry_at_every_size(phantom):
     """Cells are finer, facets, rigid parts' volumes and the extent of the fixed skin are the same."""
-    coarse, fine = (make_mesh(phantom, MeshConfig(size=size, facets=2.0, picture=False)) for size in (2.0, 1.2))
+    coarse, fine = (make_mesh(phantom, MeshConfig(size=size, facets=3.0, picture=False)) for size in (3.0, 1.8))
     assert fine.mesh.n_points > 1.5 * coarse.mesh.n_points
     assert fine.quality.inverted == 0
     assert fine.quality.min_dihedral >= 5.0

@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-import nibabel as nib
 import numpy as np
 
 from mixpinn.anatomy.bones import clip_bones
@@ -69,6 +68,8 @@ def place_in_frame(segmentation: Segmentation) -> LabelMap:
     surface closes at the crop. Soft tissues are painted over the body and inside it only, holes of its mask included;
     rigid parts are painted over both.
     """
+    import nibabel as nib
+
     everything = (segmentation.body, *segmentation.rigid)
     low = np.min([structure.corner for structure in everything], axis=0) - 1
     high = np.max([structure.stop for structure in everything], axis=0) + 1

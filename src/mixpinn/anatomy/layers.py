@@ -12,8 +12,8 @@ what it lies in. Bones and what is outside of the body take no part; volumes bef
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-import nibabel as nib
 import numpy as np
 from scipy import ndimage
 
@@ -25,6 +25,9 @@ from mixpinn.anatomy.names import tissue_group
 from mixpinn.anatomy.segmentation import Segmentation, Structure
 from mixpinn.base.arrays import BoolArray, FloatArray
 from mixpinn.base.errors import InputError
+
+if TYPE_CHECKING:
+    import nibabel as nib
 
 FAT_HU, MUSCLE_HU = (-190.0, -30.0), (-29.0, 150.0)
 """Windows of adipose tissue and skeletal muscle [HU]: table 1 of Sci. Rep. 2025, doi:10.1038/s41598-025-96238-6 (the
@@ -118,7 +121,7 @@ def _share(mask: BoolArray, sigma: FloatArray) -> FloatArray:
     return share
 
 
-def _affine(path: Path, image: nib.Nifti1Image) -> FloatArray:
+def _affine(path: Path, image: "nib.Nifti1Image") -> FloatArray:
     """Voxel index of a CT to the scanner's RAS frame [mm], shape (4, 4), under the checks of a label image."""
     affine, notes = nifti_affine(path, image)
     require_sound(notes)

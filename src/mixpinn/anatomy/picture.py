@@ -2,12 +2,7 @@
 
 from pathlib import Path
 
-import matplotlib
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.colors import ListedColormap
-from matplotlib.figure import Figure
-from matplotlib.patches import Patch
 
 from mixpinn.anatomy.finding import Finding
 from mixpinn.base.arrays import AnyArray
@@ -26,6 +21,12 @@ def draw_label_map(label_map: LabelMap, path: Path | str, *, findings: tuple[Fin
 
     Slices run along the grid; in an oblique image they are tilted against the world's axes as the grid is.
     """
+    import matplotlib
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.colors import ListedColormap
+    from matplotlib.figure import Figure
+    from matplotlib.patches import Patch
+
     n_soft, n_rigid = len(label_map.soft_names), len(label_map.rigid_names)
     colours = np.array([
         _BACKGROUND, _BODY, *[matplotlib.colormaps["Pastel2"](i % 8)[:3] for i in range(n_soft - 1)],

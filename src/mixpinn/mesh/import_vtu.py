@@ -3,9 +3,9 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pyvista as pv
 
 from mixpinn.base.arrays import AnyArray, BoolArray
 from mixpinn.base.errors import InputError
@@ -13,9 +13,12 @@ from mixpinn.base.text import read_text
 from mixpinn.base.validated import ArraySpec
 from mixpinn.mesh.cells.label import fixed_nodes
 from mixpinn.mesh.cells.orientation import check_cells, orient_cells
-from mixpinn.mesh.read_grid import ORIGINAL, keep, read_tetrahedra
+from mixpinn.mesh.read_grid import ORIGINAL, TETRA, keep, read_tetrahedra
 from mixpinn.records.doubts import unpacked
 from mixpinn.records.tissue_mesh import TissueMesh
+
+if TYPE_CHECKING:
+    import pyvista as pv
 
 _PART_ARRAYS = ("part", "rigid")
 _TO_SCANNER = "world_to_scanner"
@@ -53,7 +56,7 @@ def import_vtu(
     points = np.asarray(grid.points, dtype=np.float64)
     if not np.isfinite(points).all():
         raise InputError(what, expected="finite points", got="NaN or infinity", fix="write the mesh again")
-    cells = orient_cells(points, np.asarray(grid.cells_dict[pv.CellType.TETRA]))
+    cells = orient_cells(points, np.asarray(grid.cells_dict[TETRA]))
     check_cells(points, cells, what=what)
     if (unused := len(points) - len(np.unique(cells))) > 0:
         raise InputError(
@@ -92,8 +95,8 @@ def load_paper_mesh(folder: Path | str) -> TissueMesh:
 
 
 def _with_parts(
-    grid: pv.UnstructuredGrid, array: str | None, soft_labels: Sequence[int], what: str,
-) -> pv.UnstructuredGrid:
+    grid: "pv.UnstructuredGrid", array: str | None, soft_labels: Sequence[int], what: str,
+) -> "pv.UnstructuredGrid":
     """The grid with point data ``part``, where its parts come from data of cells or under another name."""
     if array is None:
         array = next((name for name in _PART_ARRAYS if name in grid.cell_data and name not in grid.point_data), None)
@@ -120,7 +123,7 @@ def _with_parts(
     if of_points:
         grid.point_data[_PART_ARRAYS[0]] = part
         return grid
-    cells = np.asarray(grid.cells_dict[pv.CellType.TETRA])
+    cells = np.asarray(grid.cells_dict[TETRA])
     soft, of_point = part == 0, np.zeros(grid.n_points, dtype=np.int16)
     if not soft.any():
         raise InputError(what, expected="cells of soft tissue", got="none",
@@ -133,7 +136,7 @@ def _with_parts(
     return keep(grid, cells[soft], soft, used)
 
 
-def _parts(grid: pv.UnstructuredGrid, names: Sequence[str] | None, what: str) -> tuple[AnyArray, tuple[str, ...]]:
+def _parts(grid: "pv.UnstructuredGrid", names: Sequence[str] | None, what: str) -> tuple[AnyArray, tuple[str, ...]]:
     found = next((name for name in _PART_ARRAYS if name in grid.point_data), None)
     labels = np.asarray(grid.point_data[found]) if found else np.zeros(grid.n_points)
     if labels.ndim != 1 or not np.isfinite(labels).all() or (labels != np.floor(labels)).any() or labels.min() < 0:
@@ -167,7 +170,7 @@ def _parts(grid: pv.UnstructuredGrid, names: Sequence[str] | None, what: str) ->
     return part, tuple(names)
 
 
-def _tissues(grid: pv.UnstructuredGrid, count: int, names: Sequence[str], what: str) -> AnyArray:
+def _tissues(grid: "pv.UnstructuredGrid", count: int, names: Sequence[str], what: str) -> AnyArray:
     tissue = np.asarray(grid.cell_data.get("tissue", np.zeros(count)))
     known = tissue.ndim == 1 and np.isin(tissue, np.arange(len(names))).all()
     if not known:
@@ -187,7 +190,7 @@ def _held(values: AnyArray, what: str) -> BoolArray:
     return values.astype(bool)
 
 
-def _read_fixed(path: Path, grid: pv.UnstructuredGrid) -> BoolArray:
+def _read_fixed(path: Path, grid: "pv.UnstructuredGrid") -> BoolArray:
     expected = "a text file of node indices"
     try:
         text = read_text(path, expected=expected).lstrip("\ufeff").replace(",", " ").replace(";", " ")

@@ -1,13 +1,16 @@
 """A picture of a mesh: the skin translucent with the rigid parts inside, and a sagittal cut."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pyvista as pv
 
 from mixpinn.base.errors import InputError
 from mixpinn.base.files import atomic_path
 from mixpinn.records.tissue_mesh import TissueMesh
+
+if TYPE_CHECKING:
+    import pyvista as pv
 
 _SKIN, _TISSUE = "#e8beac", "#d9d4cf"
 _PARTS = (
@@ -22,6 +25,8 @@ def draw_mesh(mesh: TissueMesh, path: Path | str, *, size: tuple[int, int] = (16
     Raises:
         InputError: this machine cannot render.
     """
+    import pyvista as pv
+
     try:
         with pv.vtk_verbosity("off"):
             _render(mesh, path, size)
@@ -33,6 +38,8 @@ def draw_mesh(mesh: TissueMesh, path: Path | str, *, size: tuple[int, int] = (16
 
 
 def _render(mesh: TissueMesh, path: Path | str, size: tuple[int, int]) -> None:
+    import pyvista as pv
+
     plotter = pv.Plotter(off_screen=True, shape=(1, 2), window_size=list(size), border=False)
     plotter.set_background("white")
     _draw_inside(plotter, mesh)
@@ -43,7 +50,9 @@ def _render(mesh: TissueMesh, path: Path | str, size: tuple[int, int]) -> None:
     plotter.close()
 
 
-def _draw_inside(plotter: pv.Plotter, mesh: TissueMesh) -> None:
+def _draw_inside(plotter: "pv.Plotter", mesh: TissueMesh) -> None:
+    import pyvista as pv
+
     plotter.add_mesh(
         pv.PolyData.from_regular_faces(mesh.points, mesh.skin_faces), color=_SKIN, opacity=0.3, show_edges=True,
         edge_opacity=0.15,
@@ -63,7 +72,9 @@ def _draw_inside(plotter: pv.Plotter, mesh: TissueMesh) -> None:
     _look(plotter, (-1.6, 1.6, -0.7))
 
 
-def _draw_cut(plotter: pv.Plotter, mesh: TissueMesh) -> None:
+def _draw_cut(plotter: "pv.Plotter", mesh: TissueMesh) -> None:
+    import pyvista as pv
+
     centre = mesh.target_points.mean(axis=0)
     plotter.add_mesh(
         mesh.grid().slice(normal="x", origin=centre), color=_TISSUE, show_edges=True, line_width=0.5, lighting=False,
@@ -78,7 +89,7 @@ def _draw_cut(plotter: pv.Plotter, mesh: TissueMesh) -> None:
     _look(plotter, (1.0, 0.15, -0.1))
 
 
-def _look(plotter: pv.Plotter, direction: tuple[float, float, float]) -> None:
+def _look(plotter: "pv.Plotter", direction: tuple[float, float, float]) -> None:
     """View along −`direction`, the head (−z) up."""
     plotter.view_vector(direction, viewup=(0.0, 0.0, -1.0))
     plotter.camera.zoom(1.25)

@@ -1,16 +1,18 @@
 """Reading tetrahedra from whatever file they are in: volume cells and the data on them, nothing of lower dimension."""
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pyvista as pv
 
 from mixpinn.base.arrays import AnyArray
 from mixpinn.base.errors import InputError
 from mixpinn.base.reader_process import read_apart
 from mixpinn.base.validated import ArraySpec
 from mixpinn.records.grid_file import grid_arrays
+
+if TYPE_CHECKING:
+    import pyvista as pv
 
 MESH_SUFFIXES = (
     ".vtu", ".vtk", ".msh", ".inp", ".mesh", ".med", ".xdmf", ".e", ".exo", ".bdf", ".nas", ".pvtu", ".vtm",
@@ -22,9 +24,10 @@ _FLAT = {
     "empty_cell", "vertex", "poly_vertex", "line", "poly_line", "triangle", "triangle_strip", "polygon", "pixel",
     "quad", "quadratic_edge", "quadratic_triangle", "quadratic_quad",
 }
+TETRA = 10
+"""VTK's number of a tetrahedron of four points."""
 _GHOSTS, _NOT_OF_THIS = "vtkGhostType", 1 | 8 | 32
 """VTK's array of marks, and those of cells that are another piece's, cut finer elsewhere, or hidden."""
-_NAMES = {int(kind): kind.name.lower() for kind in pv.CellType}
 _CORNERS = (
     "write their corners alone (pyvista.UnstructuredGrid({10: grid.cells_dict[24][:, :4]}, grid.points).clean()); "
     "'mixpinn mesh --set element=quadratic' puts the middles of edges back"
@@ -32,7 +35,7 @@ _CORNERS = (
 _EXPECTED, _FIX = "a readable tetrahedral mesh (.vtu, .vtk, .msh)", "check the path or export the mesh again as .vtu"
 
 
-def read_tetrahedra(path: Path) -> pv.UnstructuredGrid:
+def read_tetrahedra(path: Path) -> "pv.UnstructuredGrid":
     """The linear tetrahedra of a file, with their data and the points that they use.
 
     Points, lines and faces beside them are left out, and so are points that only those used.
@@ -40,10 +43,13 @@ def read_tetrahedra(path: Path) -> pv.UnstructuredGrid:
     Raises:
         InputError: absent, unreadable, no tetrahedra, or other volume cells or ghost cells beside them.
     """
+    import pyvista as pv
+
     arrays, about = _read(path)
     types, lengths = arrays["types"], np.diff(arrays["offsets"])
-    kinds = {_NAMES.get(kind, f"number {kind}") for kind in np.unique(types).tolist()}
-    chosen = types == pv.CellType.TETRA
+    names = {int(kind): kind.name.lower() for kind in pv.CellType}
+    kinds = {names.get(kind, f"number {kind}") for kind in np.unique(types).tolist()}
+    chosen = types == TETRA
     other = kinds - _FLAT - {"tetra"}
     if other or not chosen.any():
         quadratic = other == {"quadratic_tetra"} and not chosen.any()
@@ -104,8 +110,10 @@ def _read(path: Path) -> tuple[dict[str, AnyArray], Any]:
     return arrays, about
 
 
-def _grid(cells: AnyArray, chosen: AnyArray, arrays: dict[str, AnyArray], about: Any) -> pv.UnstructuredGrid:
-    grid = pv.UnstructuredGrid({pv.CellType.TETRA: cells}, arrays["points"])
+def _grid(cells: AnyArray, chosen: AnyArray, arrays: dict[str, AnyArray], about: Any) -> "pv.UnstructuredGrid":
+    import pyvista as pv
+
+    grid = pv.UnstructuredGrid({TETRA: cells}, arrays["points"])
     for index, name in enumerate(about["point_data"]):
         grid.point_data[name] = arrays[f"point_data.{index}"]
     for index, name in enumerate(about["cell_data"]):
@@ -117,10 +125,12 @@ def _grid(cells: AnyArray, chosen: AnyArray, arrays: dict[str, AnyArray], about:
     return grid
 
 
-def keep(grid: pv.UnstructuredGrid, cells: AnyArray, chosen: AnyArray, points: AnyArray) -> pv.UnstructuredGrid:
+def keep(grid: "pv.UnstructuredGrid", cells: AnyArray, chosen: AnyArray, points: AnyArray) -> "pv.UnstructuredGrid":
     """A grid of the tetrahedra `cells` with the data of the cells `chosen` and of the points `points` (masks)."""
+    import pyvista as pv
+
     number = np.cumsum(points) - 1
-    result = pv.UnstructuredGrid({pv.CellType.TETRA: number[cells]}, np.asarray(grid.points)[points])
+    result = pv.UnstructuredGrid({TETRA: number[cells]}, np.asarray(grid.points)[points])
     for name in grid.point_data:
         result.point_data[name] = np.asarray(grid.point_data[name])[points]
     for name in grid.cell_data:

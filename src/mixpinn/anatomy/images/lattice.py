@@ -2,7 +2,6 @@
 
 from pathlib import Path
 
-import nibabel as nib
 import numpy as np
 
 from mixpinn.anatomy.finding import Finding
@@ -32,6 +31,8 @@ def on_lattice(
     Raises:
         InputError: the two do not share one lattice to a fifth of a voxel.
     """
+    import nibabel as nib
+
     to_reference = np.linalg.inv(reference.affine) @ image.affine
     turn = np.rint(to_reference[:3, :3])
     fix = "resample it to the grid of the other structures"
@@ -64,5 +65,7 @@ def on_lattice(
 
 
 def _described(image: LabelImage) -> str:
+    import nibabel as nib
+
     sizes = " × ".join(f"{size:.4g}" for size in np.linalg.norm(image.affine[:3, :3], axis=0))
     return f"{sizes} mm along {''.join(nib.aff2axcodes(image.affine))}"

@@ -5,19 +5,20 @@ import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-import nibabel as nib
 import numpy as np
-from nibabel import imageglobals
 
 from mixpinn.anatomy.images.label_image import LabelImage, make_label_image
 from mixpinn.anatomy.images.nifti_affine import nifti_affine
 from mixpinn.base.errors import InputError
 from mixpinn.records.voxels import nifti_claim, nifti_content, nifti_head
 
-_HEADER_SIZES = {348: nib.Nifti1Image, 540: nib.Nifti2Image}
-_PAIRS = {nib.Nifti1Image: nib.Nifti1Pair, nib.Nifti2Image: nib.Nifti2Pair}
-_MAGIC = {nib.Nifti1Image: (344, b"n+1", b"ni1"), nib.Nifti2Image: (4, b"n+2", b"ni2")}
+if TYPE_CHECKING:
+    import nibabel as nib
+
+_MAGIC = {348: (344, b"n+1", b"ni1"), 540: (4, b"n+2", b"ni2")}
+"""Size of the header of NIfTI 1 and 2: where its magic starts, and the magic of one file and of a pair."""
 
 
 def read_nifti(path: Path) -> LabelImage:
@@ -56,18 +57,20 @@ def pair_of(path: Path) -> tuple[Path, Path] | None:
     return None
 
 
-def open_nifti(path: Path) -> nib.Nifti1Image:
+def open_nifti(path: Path) -> "nib.Nifti1Image":
     """A NIfTI in memory, unpacked to no more than its header claims, its gzip checksum compared.
 
     Raises:
         InputError: damaged, or another kind of file.
     """
+    import nibabel as nib
+
     pair = pair_of(path)
     content = nifti_head(pair[0] if pair else path)
-    size = next((n for n in _HEADER_SIZES for order in ("little", "big")
+    size = next((n for n in _MAGIC for order in ("little", "big")
                  if int.from_bytes(content[:4], order) == n), None)
-    kind = _HEADER_SIZES.get(size or 0, nib.Nifti1Image)
-    start, single, double = _MAGIC[kind]
+    kind, of_pair = (nib.Nifti2Image, nib.Nifti2Pair) if size == 540 else (nib.Nifti1Image, nib.Nifti1Pair)
+    start, single, double = _MAGIC[size or 348]
     magic = content[start:start + 3]
     if magic not in (single, double):
         plain = "an Analyze image, which does not say left from right" if size == 348 else "another kind of file"
@@ -79,7 +82,7 @@ def open_nifti(path: Path) -> nib.Nifti1Image:
                 return kind.from_stream(io.BytesIO(nifti_content(path, most=claim)))
             halves = zip(("header", "image"), pair, strict=True)
             files = {name: nifti_content(part, most=claim) for name, part in halves}
-            return _PAIRS[kind].from_file_map(
+            return of_pair.from_file_map(
                 {name: nib.FileHolder(fileobj=io.BytesIO(part)) for name, part in files.items()},
             )
     except InputError:
@@ -91,6 +94,8 @@ def open_nifti(path: Path) -> nib.Nifti1Image:
 @contextmanager
 def _one_line() -> Iterator[None]:
     """nibabel says nothing of its own: what matters of a header is looked at and told here."""
+    from nibabel import imageglobals
+
     logger = imageglobals.logger
     before, logger.disabled = logger.disabled, True
     try:
@@ -99,7 +104,7 @@ def _one_line() -> Iterator[None]:
         logger.disabled = before
 
 
-def _extension_names(image: nib.Nifti1Image) -> dict[int, str]:
+def _extension_names(image: "nib.Nifti1Image") -> dict[int, str]:
     """Names of the numbers in an XML extension of the header: ``<Label Key="27">vertebrae_L5</Label>``."""
     names: dict[int, str] = {}
     for extension in image.header.extensions:

@@ -1,13 +1,16 @@
 """What a NIfTI header says about place, scale and handedness, and whether it says one thing."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-import nibabel as nib
 import numpy as np
 
 from mixpinn.anatomy.finding import Finding
 from mixpinn.base.arrays import FloatArray
 from mixpinn.base.errors import InputError
+
+if TYPE_CHECKING:
+    import nibabel as nib
 
 _MM_PER_UNIT = {"unknown": 1.0, "mm": 1.0, "meter": 1000.0, "micron": 0.001}
 _SCALE, _TURN, _SHIFT = 0.01, 45.0, 0.2
@@ -15,7 +18,7 @@ _SCALE, _TURN, _SHIFT = 0.01, 45.0, 0.2
 corners this many voxels apart are rounding."""
 
 
-def nifti_affine(path: Path, image: nib.Nifti1Image) -> tuple[FloatArray, tuple[Finding, ...]]:
+def nifti_affine(path: Path, image: "nib.Nifti1Image") -> tuple[FloatArray, tuple[Finding, ...]]:
     """Voxel index to the scanner's RAS frame [mm], shape (4, 4), with what the header's two matrices disagree about.
 
     The sform is taken where it is given, as other programs do. Where sform and qform differ in spacing, handedness or
@@ -67,6 +70,8 @@ def _sizes(affine: FloatArray) -> FloatArray:
 
 def _codes(affine: FloatArray) -> str:
     """Letters of the sides that the axes go to; ? for an axis that goes nowhere of its own."""
+    import nibabel as nib
+
     return "".join(code or "?" for code in nib.aff2axcodes(affine))
 
 

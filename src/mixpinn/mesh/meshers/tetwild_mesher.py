@@ -4,7 +4,6 @@ import contextlib
 from dataclasses import dataclass
 
 import numpy as np
-import pyvista as pv
 
 from mixpinn.base.arrays import AnyArray, FloatArray, Int32Array
 from mixpinn.base.scratch_folder import scratch_folder
@@ -73,6 +72,8 @@ class TetwildMesher:
 
 def _background(surfaces: DomainSurfaces, grading: Grading) -> dict[str, AnyArray]:
     """The edge lengths of `grading` on a coarse tetrahedral grid over the body, as fTetWild takes them."""
+    import pyvista as pv
+
     low, high = surfaces.body.points.min(axis=0), surfaces.body.points.max(axis=0)
     counts = np.maximum(np.ceil((high - low) / _BACKGROUND).astype(int), 1) + 2
     axes = [np.linspace(a - _BACKGROUND, b + _BACKGROUND, n + 1) for a, b, n in zip(low, high, counts, strict=True)]

@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import ndimage, sparse
-from skimage.measure import marching_cubes
 
 from mixpinn.base.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from mixpinn.base.errors import InputError
@@ -157,6 +156,8 @@ def _contour(level: AnyArray, start: FloatArray, label_map: LabelMap, name: str)
     """Surface level = 0, outward normals towards positive values; `start` is the voxel index of level[0, 0, 0]."""
     if not (level.min() < 0.0 < level.max()):
         return Surface(name, np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64))
+    from skimage.measure import marching_cubes
+
     points, triangles, _, _ = marching_cubes(level, 0.0)
     points = (points.astype(np.float64) + start) @ label_map.affine[:3, :3].T + label_map.affine[:3, 3]
     surface = Surface(name, points, triangles.astype(np.int64))

@@ -2,13 +2,16 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pyvista as pv
 
 from mixpinn.base.arrays import FloatArray, IntArray
 from mixpinn.base.files import hash_arrays
 from mixpinn.records.surface_file import read_surface
+
+if TYPE_CHECKING:
+    import pyvista as pv
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,12 +34,16 @@ class Surface:
         a, b, c = np.moveaxis(self.points[self.triangles], 1, 0)
         return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0)
 
-    def polydata(self) -> pv.PolyData:
+    def polydata(self) -> "pv.PolyData":
         """The surface for `pyvista`."""
+        import pyvista as pv
+
         return pv.PolyData.from_regular_faces(self.points, self.triangles)
 
     def distance(self, points: FloatArray) -> FloatArray:
         """Signed distance of `points` [mm], shape (q,): negative inside."""
+        import pyvista as pv
+
         cloud = pv.PolyData(np.asarray(points, dtype=np.float64)).compute_implicit_distance(self.polydata())
         return np.asarray(cloud["implicit_distance"], dtype=np.float64)
 
