@@ -62,7 +62,7 @@ def follow(  # type: ignore[no-untyped-def]
 
     Returns:
         λ, slips, normal forces (k, p), forces in the world (k, p, 3), steps done, iterations. It ends early where a
-        step does not converge.
+        step finds no equilibrium.
     """
     n_steps, n_probes = path.rotations.shape[0] - 1, path.rotations.shape[1]
     n, n_points = len(rest), len(skin.stencil)

@@ -27,6 +27,8 @@ STEEPEST = 1.3
 
 _LARGEST_MOVE = 2.0
 """No node moves farther than this in one iteration [mm]: skin does not pass through a probe."""
+_STUCK, _GAIN = 4, 0.005
+"""A search that gains less than this part of its error so many times in a row is at a kink that it does not leave."""
 
 # mypy cannot see through numba's decorators: the kernels are untyped, their callers are not.
 
@@ -356,6 +358,7 @@ def _search(rest, compliance, contacts, forces, y, lam, tolerance, max_iteration
     m = len(lam)
     n, gradient = m // 3, forces.gradient
     error, change, move, response = np.empty(m), np.empty(m), np.empty(m), np.empty(m)
+    stuck = 0
     _all_forces((rest + y).reshape(n, 3), contacts, forces)
     for iteration in range(max_iterations):
         if _unbalanced(gradient, lam, error) <= tolerance:
@@ -383,4 +386,7 @@ def _search(rest, compliance, contacts, forces, y, lam, tolerance, max_iteration
         for i in range(m):
             y[i] -= length * move[i]
             lam[i] += length * change[i]
+        stuck = stuck + 1 if least > (1.0 - _GAIN) * size else 0
+        if stuck == _STUCK:
+            return False, iteration + 1
     return False, max_iterations
