@@ -4,8 +4,10 @@
 90°, and reads force, vertebra motion and field at 5, 10, 15 and 20 mm. Each mesh is solved with linear and quadratic
 cells as it is, with linear ones of which every edge is halved, and with quadratic cells refined under the probe to
 several edge lengths, always on the same facets. The error that the size of cells under the probe leaves falls with
-their edge length (`mixpinn.fem.local_refinement`); two lengths, one twice the other, are extrapolated to none. The
-reference is the extrapolation from the two finest; its uncertainty is how far it is from that of the next pair.
+a power of their edge length (`mixpinn.fem.local_refinement`); two lengths, one twice the other, are extrapolated to
+none. The reference is the extrapolation from the two finest; its uncertainty is how far it is from that of the next
+pair. What all other cells leave is told by halving every edge of the mesh beside edges of ``--rest`` mm under the
+probe: the change belongs to the reference of a pose for which it was solved, and is printed.
 
 Every solve is kept in the cache (``MIXPINN_CACHE``), so that a run goes on where an earlier one ended; a pose that was
 interrupted is pressed again, and the depths that it had reached count until then. ``--minutes`` ends a run after that
@@ -29,11 +31,14 @@ parser.add_argument("--mesh", type=Path, help="mesh whose facets are kept; by de
 parser.add_argument("--data", type=Path, default=Path(
     os.environ.get("MIXPINN_DATA", Path(__file__).parents[1] / ".." / "shared" / "data")
 ) / "patient1" / "paper", help="folder with the paper's mesh and probe")
-parser.add_argument("--levels", nargs="+", default=["linear", "quadratic", "linear halved"])
+parser.add_argument("--probe", choices=["linear", "paper"],
+                    help="the built-in tool or the paper's; by default the paper's on the paper's mesh")
+parser.add_argument("--levels", nargs="*", default=["linear", "quadratic", "linear halved"])
 parser.add_argument("--edges", nargs="*", type=float, default=[20.0, 14.0, 10.0, 7.0],
                     help="longest edges under the probe [mm]: two lengths and their halves")
 parser.add_argument("--growth", type=float, default=0.05,
                     help="of the edge length away from the probe, per mm, as a share of the edge length under it")
+parser.add_argument("--rest", type=float, help="edge under the probe [mm] beside which all others are halved too")
 parser.add_argument("--poses", nargs="+", type=int, help="of the six, by number; by default all")
 parser.add_argument("--threads", type=int, default=1)
 parser.add_argument("--minutes", type=float, default=float("inf"))
@@ -50,8 +55,9 @@ from mixpinn.base.arrays import AnyArray, FloatArray  # noqa: E402
 from mixpinn.base.cache import cache_folder  # noqa: E402
 from mixpinn.base.files import atomic_path  # noqa: E402
 from mixpinn.fem import PAPER_TISSUE, LocalRefinement, PoseSimulator, Scene, SolverConfig  # noqa: E402
-from mixpinn.fem.local_refinement import refine_under  # noqa: E402
+from mixpinn.fem.local_refinement import refine_under, rim_order  # noqa: E402
 from mixpinn.fem.solve.pose_simulator import Equilibrium  # noqa: E402
+from mixpinn.geometry.probe_shapes import linear_probe  # noqa: E402
 from mixpinn.mesh import load_paper_mesh, refine  # noqa: E402
 from mixpinn.records import Probe, ProbePath, TissueMesh  # noqa: E402
 
@@ -150,6 +156,11 @@ def level_of(edge: float) -> str:
     return f"edges of {edge:g} mm"
 
 
+def rest_of(edge: float) -> str:
+    """Name of the level whose other edges are halved too."""
+    return f"{level_of(edge)}, all others halved"
+
+
 def extrapolation_of(edge: float) -> str:
     """Name of what levels of this edge length and its double tend to."""
     return f"{level_of(edge)} and {2.0 * edge:g} mm, extrapolated"
@@ -162,14 +173,24 @@ def approach(number: int) -> ProbePath:
     return ProbePath(place - DEPTHS[-1:, None] * [0.0, 1.0, 0.0], turn[None], DEPTHS[-1:])
 
 
+def tool(options: argparse.Namespace) -> Probe:
+    """The probe that is pressed."""
+    chosen = options.probe or ("paper" if options.mesh is None else "linear")
+    return linear_probe() if chosen == "linear" else Probe.load(options.data / "probe_collision.stl")
+
+
 def solve_all(base: TissueMesh, options: argparse.Namespace) -> dict[tuple[str, int], Press]:
     """Every level and pose that there was time for, by level and number of the pose."""
-    probe = Probe.load(options.data / "probe_collision.stl")
+    probe = tool(options)
     deadline = time.perf_counter() + 60.0 * options.minutes
     found: dict[tuple[str, int], Press] = {}
     materials, config = (PAPER_TISSUE,) * len(base.tissue_names), SolverConfig(threads=options.threads)
     edges = {level_of(edge): edge for edge in options.edges}
-    for level in (*options.levels, *edges):
+    levels = [*options.levels, *edges]
+    if options.rest is not None:
+        edges[rest_of(options.rest)] = options.rest
+        levels.append(rest_of(options.rest))
+    for level in levels:
         mesh = refine(base.with_order(1)) if "halved" in level else base
         whole = mesh.with_order(1 if "linear" in level else 2)
         scene, simulator = Scene(whole, probe, materials, solver=config), None
@@ -192,8 +213,9 @@ def solve_all(base: TissueMesh, options: argparse.Namespace) -> dict[tuple[str, 
     return found
 
 
-def extrapolate(found: dict[tuple[str, int], Press], edges: list[float]) -> list[float]:
-    """Add what pairs of edge lengths tend to; the shorter length of each pair, ascending."""
+def extrapolate(found: dict[tuple[str, int], Press], edges: list[float], *, order: float) -> list[float]:
+    """Add what pairs of edge lengths tend to by an order; the shorter length of each pair, ascending."""
+    further = 1.0 / (2.0**order - 1.0)
     pairs = sorted(edge for edge in edges if 2.0 * edge in edges)
     for edge, number in product(pairs, range(len(POSES))):
         coarse, fine = (found.get((level_of(length), number)) for length in (2.0 * edge, edge))
@@ -201,12 +223,34 @@ def extrapolate(found: dict[tuple[str, int], Press], edges: list[float]) -> list
             continue
         d = min(len(coarse.force), len(fine.force))
         force, translation, field = (
-            2.0 * getattr(fine, name)[:d] - getattr(coarse, name)[:d] for name in ("force", "translation", "field")
+            (1.0 + further) * getattr(fine, name)[:d] - further * getattr(coarse, name)[:d]
+            for name in ("force", "translation", "field")
         )
         found[extrapolation_of(edge), number] = Press(
             force, translation, field, fine.det_f[:d], coarse.seconds + fine.seconds, True,
         )
     return pairs
+
+
+def change(found: dict[tuple[str, int], Press], edge: float, number: int) -> Press | None:
+    """What halving all edges but those under the probe changes in a pose."""
+    plain, halved = found.get((level_of(edge), number)), found.get((rest_of(edge), number))
+    if plain is None or halved is None:
+        return None
+    d = min(len(plain.force), len(halved.force))
+    force, translation, field = (
+        getattr(halved, name)[:d] - getattr(plain, name)[:d] for name in ("force", "translation", "field")
+    )
+    return Press(force, translation, field, halved.det_f[:d], halved.seconds, True)
+
+
+def completed(one: Press, more: Press) -> Press:
+    """One press, and what finer cells elsewhere change of it."""
+    d = min(len(one.force), len(more.force))
+    force, translation, field = (
+        getattr(one, name)[:d] + getattr(more, name)[:d] for name in ("force", "translation", "field")
+    )
+    return replace(one, force=force, translation=translation, field=field, det_f=one.det_f[:d])
 
 
 def errors(one: Press, truth: Press) -> dict[str, float]:
@@ -223,25 +267,40 @@ def errors(one: Press, truth: Press) -> dict[str, float]:
     }
 
 
-def report(found: dict[tuple[str, int], Press], edges: list[float]) -> dict[str, object]:
+def report(
+    found: dict[tuple[str, int], Press], edges: list[float], *, order: float, rest: float | None,
+) -> dict[str, object]:
     """Errors of every level against the reference, over poses where both are there."""
-    pairs = extrapolate(found, edges)
+    pairs = extrapolate(found, edges, order=order)
     rows: dict[str, dict[str, float]] = {}
     reference = extrapolation_of(pairs[0]) if pairs else ""
     poses = [number for number in range(len(POSES)) if (reference, number) in found]
+    truth, others = {number: found[reference, number] for number in poses}, {"poses": 0.0}
+    for number in poses:
+        more = None if rest is None else change(found, rest, number)
+        if more is None:
+            continue
+        truth[number] = completed(truth[number], more)
+        others["poses"] += 1.0
+        for key, value in errors(found[reference, number], truth[number]).items():
+            others[key] = max(others.get(key, 0.0), value)
     for (level, number), one in found.items():
         if number not in poses or level == reference:
             continue
         row = rows.setdefault(level, {"poses": 0.0})
         row["poses"] += 1.0
-        for key, value in errors(one, found[reference, number]).items():
+        for key, value in errors(one, truth[number]).items():
             row[key] = max(row.get(key, 0.0), value)
-    uncertain = rows.get(extrapolation_of(pairs[1]), {}) if len(pairs) > 1 else {}
+    uncertain: dict[str, float] = {}
+    for number in poses if len(pairs) > 1 else ():
+        one = found.get((extrapolation_of(pairs[1]), number))
+        for key, value in {} if one is None else errors(one, found[reference, number]).items():
+            uncertain[key] = max(uncertain.get(key, 0.0), value)
     forces: dict[str, dict[int, list[float]]] = {}
     for (level, number), one in sorted(found.items()):
         forces.setdefault(level, {})[number] = one.force.tolist()
     return {
-        "poses": len(poses), "reference": reference, "rows": rows, "forces": forces,
+        "poses": len(poses), "reference": reference, "rows": rows, "forces": forces, "rest": others,
         "uncertainty": {key: uncertain.get(key) for key in ("force", "vertebra_mm", "field_mm")},
     }
 
@@ -250,7 +309,8 @@ def main(options: argparse.Namespace) -> None:
     """Solve, compare, print."""
     base = TissueMesh.load(options.mesh) if options.mesh else load_paper_mesh(options.data)
     base = base.with_order(1)
-    result = report(solve_all(base, options), options.edges)
+    probe = tool(options)
+    result = report(solve_all(base, options), options.edges, order=rim_order(probe), rest=options.rest)
     rows = result["rows"]
     assert isinstance(rows, dict)
     for level, row in rows.items():
@@ -261,7 +321,8 @@ def main(options: argparse.Namespace) -> None:
         "force_error_max": default.get("force"), "vertebra_error_max_mm": default.get("vertebra_mm"),
         "vertebra_error_max_rel": default.get("vertebra_rel"), "field_error_max_mm": default.get("field_mm"),
         "paper_force_error_max": linear.get("force"),
-        "mesh": "paper" if options.mesh is None else base.hash(), "vertices": base.n_points, **result,
+        "mesh": "paper" if options.mesh is None else base.hash(), "vertices": base.n_points,
+        "probe": probe.name, "order": rim_order(probe), **result,
     })
 
 

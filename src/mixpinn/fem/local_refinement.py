@@ -6,33 +6,45 @@ path of the probe are halved (`mixpinn.mesh.refine_to`) until no edge is longer 
 
     h(x) = edge + growth · d(x),
 
-with d the distance from the skin that the probe meets. The facets stay.
+with d the distance from the resting skin that the probe meets. The facets stay.
 
-Under the rim of a rigid tool the displacement of the skin goes like the root of the distance r from the rim, as under a
+Two fields of edge lengths, one q times the other everywhere, tell more than either: where the error falls like hᵖ,
+
+    u = u(h) + (u(h) − u(q h)) / (qᵖ − 1).
+
+Under the rim of a sharp tool the displacement of the skin goes like the root of the distance r from the rim, as under a
 punch with an edge, and its gradient like 1/√r. What cells of size h cannot follow there has an energy of about
-∫₀ʰ (1/√r)² r dr = h: the error falls with the edge length itself, whatever the order of the cells. Two fields of edge
-lengths, one q times the other everywhere, then tell the value without an error of that kind:
-
-    u = u(h) + (u(h) − u(q h)) / (q − 1).
-
-How well that holds on a patient is measured by ``python -m benchmarks.truth``.
+∫₀ʰ (1/√r)² r dr = h: p = 1, whatever the order of the cells. Under a rounded edge the gradient is bounded, and what is
+missed is missed at the border of contact, where pressure starts like a root: p is 2 or a little more. `rim_order` tells
+which of them a tool has; how well it holds on a patient is measured by ``python -m benchmarks.truth``.
 """
 
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from mixpinn.base.arrays import FloatArray
 from mixpinn.base.sensible import not_negative, positive, require_settings
 from mixpinn.mesh.cells.bisect import refine_to
-from mixpinn.physics.face_points import FacePoints
+from mixpinn.mesh.meshers.grading import surface_points
+from mixpinn.mesh.surfaces.surface import Surface
 from mixpinn.records import Probe, ProbePath, TissueMesh
 
-_SPACING = 3.0
+_SPACING = 2.0
 """Of the points on the skin that tell how far up it reaches beside a probe [mm]."""
 
 _DEEPEST = 60.0
 """Skin farther above a probe's tip is not what it has pushed away [mm]."""
+
+_MARGIN = 1.0
+"""Skin so far beside a probe still counts as under it [mm]."""
+
+_SHARP = 35.0
+"""An edge at which the surface turns by more is sharp [degree]; rounded ones turn a little at each of many."""
+
+_LOWEST = 6.0
+"""Edges of a tool farther above its tip do not meet skin first [mm]."""
 
 _GROWTH = 0.05
 """Of the edge length with the distance from the probe, as a share of that under it, per mm."""
@@ -47,17 +59,20 @@ class LocalRefinement:
         growth: by how much longer an edge may be for each mm that it lies farther away.
         extrapolated: whether each pose is also solved with longer edges, and told as what both tend to.
         ratio: q, how many times as long they are.
+        order: p, of what is left of the error; None takes that of the tool, `rim_order`.
     """
 
     edge: float = 10.0
     growth: float = _GROWTH * 10.0
     extrapolated: bool = True
     ratio: float = 2.0
+    order: float | None = None
 
     def __post_init__(self) -> None:
         require_settings(self, "refinement", {
             **positive(self, "edge"), **not_negative(self, "growth"),
             "ratio": (1.2 <= self.ratio <= 4.0, "1.2 to 4: closer lengths tell noise, others too little"),
+            "order": (self.order is None or 0.5 <= self.order <= 4.0, "0.5 to 4, or none for that of the tool"),
         })
 
     def scaled(self, factor: float) -> "LocalRefinement":
@@ -73,11 +88,27 @@ class LocalRefinement:
         return f"edges of {self.ratio * self.edge:g} and {self.edge:g} mm,{grown} extrapolated,"
 
 
+def rim_order(probe: Probe) -> float:
+    """Order p in the edge length with which the error of cells under a tool falls: 1 for sharp edges, 2 for rounded."""
+    corners = probe.points[probe.triangles]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+    ends = np.sort(np.stack([probe.triangles, np.roll(probe.triangles, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
+    order = np.lexsort(ends.T)
+    twin = (ends[order[1:]] == ends[order[:-1]]).all(axis=1)
+    one, other, edge = order[:-1][twin] // 3, order[1:][twin] // 3, ends[order[:-1][twin]]
+    turned = (normals[one] * normals[other]).sum(axis=1) < np.cos(np.radians(_SHARP))
+    away = corners[other].mean(axis=1) - corners[one].mean(axis=1)
+    ridge = (away * normals[one]).sum(axis=1) < 0.0
+    low = probe.points[edge, 1].max(axis=1) <= probe.points[:, 1].min() + _LOWEST
+    return 1.0 if (turned & ridge & low).any() else 2.0
+
+
 def refine_under(mesh: TissueMesh, probe: Probe, path: ProbePath, config: LocalRefinement) -> TissueMesh:
     """`mesh` with finer cells around the skin that `probe` meets on `path`; the vertices of `mesh` come first.
 
-    That skin lies in boxes that stand on the probe's tip, one at each pose: as wide as the probe is as far up as skin
-    reaches, and as high.
+    That is the resting skin in boxes that stand on the probe's tip, one at each pose: as wide as the probe is as far up
+    as skin reaches, and as high.
 
     Args:
         mesh: of either order.
@@ -85,19 +116,20 @@ def refine_under(mesh: TissueMesh, probe: Probe, path: ProbePath, config: LocalR
         path: its poses.
         config: how fine.
     """
-    spots = FacePoints.build(mesh.skin_faces, mesh.points[mesh.skin_faces], spacing=_SPACING)
-    skin = np.einsum("pw,pwk->pk", spots.weights, mesh.points[spots.vertices])
+    nodes, faces = np.unique(mesh.skin_faces, return_inverse=True)
+    skin = surface_points(Surface("skin", mesh.points[nodes], faces.reshape(-1, 3)), _SPACING)
     span = np.linalg.norm(probe.points, axis=1).max() + _DEEPEST
     low, high = path.translations.min(axis=0) - span, path.translations.max(axis=0) + span
     skin = skin[((skin >= low) & (skin <= high)).all(axis=1)]
-    boxes = [_box(skin, probe, turn, tip) for turn, tip in zip(path.rotations, path.translations, strict=True)]
+    met = np.zeros(len(skin), dtype=bool)
+    for turn, tip in zip(path.rotations, path.translations, strict=True):
+        low, high = _box(skin, probe, turn, tip)
+        local = (skin - tip) @ turn
+        met |= ((local >= low - _MARGIN) & (local <= high + _MARGIN)).all(axis=1)
+    nearest = cKDTree(skin[met])
 
     def length(points: FloatArray) -> FloatArray:
-        away = np.full(len(points), np.inf)
-        for turn, tip, (low, high) in zip(path.rotations, path.translations, boxes, strict=True):
-            local = (points - tip) @ turn
-            away = np.minimum(away, np.linalg.norm(local - np.clip(local, low, high), axis=1))
-        found: FloatArray = config.edge + config.growth * away
+        found: FloatArray = config.edge + config.growth * nearest.query(points)[0]
         return found
 
     return refine_to(mesh.with_order(1), length).with_order(mesh.order)

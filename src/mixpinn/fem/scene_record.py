@@ -112,4 +112,5 @@ def recorded_refinement(record: Mapping[str, Any]) -> LocalRefinement | None:
     entry = record.get("refinement")
     if not isinstance(entry, Mapping):
         return None
-    return build_config(LocalRefinement, {key: value for key, value in entry.items() if key != KIND})
+    entry = {"order": 1.0} | {key: value for key, value in entry.items() if key != KIND}  # it was always 1 once
+    return build_config(LocalRefinement, entry)

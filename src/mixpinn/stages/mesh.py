@@ -105,15 +105,15 @@ class MeshConfig:
 PAPER_CELLS = MeshConfig(cells="uniform")
 """The criteria of the paper's mesh, the same everywhere."""
 
-PATIENT_CELLS = MeshConfig(element="quadratic", size=2.0)
+PATIENT_CELLS = MeshConfig(element="quadratic", size=2.0, grading=Grading(fixed=6.0, elsewhere=15.0))
 """What a predictor for a patient is made on by default.
 
 Measured on patient1 (``docs/results/truth.md``): linear cells of size 1 press back 1.53 to 1.63 times as hard as
-quadratic ones on the same mesh. Quadratic cells of size 2 are up to 39 % too hard against their converged solution,
-linear cells of half their length, seven times as many, 70 %. What is missing is missed under the probe. Finer cells
-everywhere cost more than they help: a predictor keeps a compliance of all nodes of the probed skin, which grows with
-the square of their number (0.4 GB at size 2, 0.9 GB at size 1.5). `mixpinn.fem.LocalRefinement` makes cells finer where
-the probe is.
+quadratic ones on the same mesh. Most of what quadratic cells of size 2 still miss of the force is missed under the
+probe; `mixpinn.fem.LocalRefinement` makes cells finer there. Finer cells on all of the back cost more than they help: a
+predictor keeps a compliance of all nodes of the probed skin, which grows with the square of their number (0.4 GB at
+size 2, 0.9 GB at size 1.5). What they miss of the vertebrae's motion is missed along the border of the skin that is
+held, where stresses are singular, so cells are finer there too, and nowhere as long as `Grading` has them elsewhere.
 """
 
 

@@ -10,10 +10,10 @@ from scipy.spatial.transform import Rotation
 from fem.block_mesh import block, labelled
 from mixpinn.base.errors import InputError
 from mixpinn.fem import LocalRefinement, PoseSimulator, RefinedSimulator, Scene, StableNeoHookean, solve_pose
-from mixpinn.fem.local_refinement import refine_under
+from mixpinn.fem.local_refinement import refine_under, rim_order
 from mixpinn.fem.scene_record import recorded_refinement, scene_record
 from mixpinn.fem.solve.refined_pose import Injection, extrapolate
-from mixpinn.geometry.probe_shapes import linear_probe
+from mixpinn.geometry.probe_shapes import linear_probe, spherical_probe
 from mixpinn.mesh import refine
 from mixpinn.records import Probe, ProbePath, Simulation, TissueMesh
 
@@ -148,25 +148,25 @@ def test_one_solve_on_refined_cells() -> None:
         PoseSimulator(scene)
 
 
-@pytest.mark.parametrize("ratio", [1.4, 2.0])
-def test_extrapolation_keeps_parts_rigid_and_forces_whole(ratio: float) -> None:
-    """On made-up simulations whose error is proportional to the edge, what is told has none."""
+@pytest.mark.parametrize(("ratio", "order"), [(1.4, 1.0), (2.0, 1.0), (2.0, 2.0)])
+def test_extrapolation_keeps_parts_rigid_and_forces_whole(ratio: float, order: float) -> None:
+    """On made-up simulations whose error is proportional to a power of the edge, what is told has none."""
     mesh = bed(bone=True)
     path = down([0.0, 1.0])
-    truth, far = made_up(mesh, path, 1.0, nodes=[3, 7]), 1.0 + 0.1 * ratio
+    truth, far = made_up(mesh, path, 1.0, nodes=[3, 7]), 1.0 + 0.1 * ratio**order
     coarse = made_up(mesh, path, far, nodes=[3, 9])
-    found = extrapolate(mesh, coarse, made_up(mesh, path, 1.1, nodes=[3, 7, 9]), ratio=ratio)
+    found = extrapolate(mesh, coarse, made_up(mesh, path, 1.1, nodes=[3, 7, 9]), ratio=ratio, order=order)
     assert_allclose(found.probe_wrench, truth.probe_wrench, rtol=1e-12)
     assert_allclose(found.part_translation, truth.part_translation, rtol=1e-12)
     assert_allclose(found.part_rotation, truth.part_rotation, atol=1e-12)  # turns about one axis
     assert_allclose(found.displacement, truth.displacement, atol=1e-5)
     nodes, forces = found.contacts(1, loaded=False)
     assert nodes.tolist() == [3, 7, 9]
-    beyond = 1.0 / (ratio - 1.0)
+    beyond = 1.0 / (ratio**order - 1.0)
     assert_allclose(forces.sum(axis=0), ((1.0 + beyond) * 1.1 * 3 - beyond * far * 2) * np.ones(3))
     late = made_up(mesh, path, 1.1, nodes=[3])
     late = replace(late, converged=np.array([True, False]))
-    assert extrapolate(mesh, coarse, late, ratio=ratio).converged.tolist() == [True, False]
+    assert extrapolate(mesh, coarse, late, ratio=ratio, order=order).converged.tolist() == [True, False]
 
 
 def made_up(mesh: TissueMesh, path: ProbePath, size: float, *, nodes: list[int]) -> Simulation:
@@ -183,6 +183,27 @@ def made_up(mesh: TissueMesh, path: ProbePath, size: float, *, nodes: list[int])
         np.tile(turn, (2, 1, 1, 1)), np.tile(motion, (2, 1, 1)), two.astype(bool), two.astype(np.int64),
         two, two, two, two, two, None,
     )
+
+
+def test_sharp_and_rounded_tools_are_told_apart() -> None:
+    corners = np.array([[x, y, z] for x in (-20.0, 20.0) for y in (0.0, 30.0) for z in (-8.0, 8.0)])
+    sides = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    box = Probe(corners, np.array([half for a, b, c, d in sides for half in ((a, b, c), (a, c, d))]))
+    volume = np.linalg.det(box.points[box.triangles]).sum() / 6.0
+    assert_allclose(volume, 40.0 * 30.0 * 16.0)  # the triangles face outward
+    assert rim_order(box) == 1.0
+    assert rim_order(linear_probe()) == rim_order(spherical_probe()) == 2.0
+    # A handle with sharp edges far above the face is none of the rim.
+    high = Probe(np.where(TOOL.points[:, [1]] > 20.0, [0.0, 30.0, 0.0], TOOL.points), TOOL.triangles)
+    assert rim_order(high) == 2.0
+
+
+def test_a_record_from_before_orders_were_told_apart_was_extrapolated_with_order_one() -> None:
+    record = scene_record(Scene(bed(), TOOL, TISSUE, refinement=LocalRefinement(7.0, 0.5)))
+    del record["refinement"]["order"]
+    found = recorded_refinement(record)
+    assert found is not None
+    assert found.order == 1.0
 
 
 def test_the_record_of_a_scene_names_its_refinement() -> None:

@@ -16,7 +16,7 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from mixpinn.base.arrays import FloatArray, IntArray
-from mixpinn.fem.local_refinement import LocalRefinement, refine_under
+from mixpinn.fem.local_refinement import LocalRefinement, refine_under, rim_order
 from mixpinn.fem.scene import Scene
 from mixpinn.fem.solve.pose_simulator import PoseSimulator, simulator_of
 from mixpinn.geometry.triangle_search import close_pairs
@@ -52,7 +52,8 @@ class RefinedSimulator:
         if not config.extrapolated:
             return solve(config)
         coarser = solve(config.scaled(config.ratio))
-        return extrapolate(self.scene.mesh, coarser, solve(config), ratio=config.ratio)
+        order = rim_order(self.scene.probe) if config.order is None else config.order
+        return extrapolate(self.scene.mesh, coarser, solve(config), ratio=config.ratio, order=order)
 
     def _solve(
         self, path: ProbePath, config: LocalRefinement, *, position_index: int, rotation_deg: float,
@@ -133,8 +134,8 @@ class Injection:
         )
 
 
-def extrapolate(mesh: TissueMesh, coarse: Simulation, fine: Simulation, *, ratio: float) -> Simulation:
-    """What two simulations of one path tend to: u(h) + b (u(h) − u(q h)) with b = 1/(q − 1).
+def extrapolate(mesh: TissueMesh, coarse: Simulation, fine: Simulation, *, ratio: float, order: float) -> Simulation:
+    """What two simulations of one path tend to: u(h) + b (u(h) − u(q h)) with b = 1/(qᵖ − 1).
 
     Rotations go on along the turn from the one to the other, and the nodes of rigid parts move with them. What
     describes the solves (residual, iterations, smallest det F, violation of the gap, time) is the worse, or the sum.
@@ -143,8 +144,9 @@ def extrapolate(mesh: TissueMesh, coarse: Simulation, fine: Simulation, *, ratio
         mesh: of both.
         coarse, fine: on the nodes of `mesh`.
         ratio: q, how many times as long edges of the first are.
+        order: p, with which the error falls.
     """
-    beyond = 1.0 / (ratio - 1.0)
+    beyond = 1.0 / (ratio**order - 1.0)
 
     def tend(one: FloatArray, other: FloatArray) -> FloatArray:
         return other + beyond * (other - one)

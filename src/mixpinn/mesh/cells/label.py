@@ -103,6 +103,19 @@ class FixedRegion:
         y, z = points[:, 1], points[:, 2]
         return FixedRegion(float(y.min()) + FIXED_DEPTH, float(z.min()) + CAP_MARGIN, float(z.max()) - CAP_MARGIN)
 
+    def holds(self, points: FloatArray) -> BoolArray:
+        """Which of `points` [mm] (p, 3), of the body's surface, lie in the region."""
+        y, z = points[:, 1], points[:, 2]
+        inside: BoolArray = (y < self.behind) & (z > self.low) & (z < self.high)
+        return inside
+
+    def border(self, points: FloatArray, *, within: float) -> BoolArray:
+        """Which of `points` [mm] (p, 3), of the body's surface, lie `within` so many mm of the region's border."""
+        y, z = points[:, 1], points[:, 2]
+        wider = (y < self.behind + within) & (z > self.low - within) & (z < self.high + within)
+        inner = (y < self.behind - within) & (z > self.low + within) & (z < self.high - within)
+        return wider & ~inner
+
 
 def fixed_nodes(mesh: TissueMesh, *, region: FixedRegion | None = None) -> BoolArray:
     """Nodes that the protocol holds in place: the soft skin nodes within `region`; shape (n,).
@@ -110,10 +123,9 @@ def fixed_nodes(mesh: TissueMesh, *, region: FixedRegion | None = None) -> BoolA
     Without `region` it is taken from the mesh's own nodes, for meshes that come without their surfaces.
     """
     region = region or FixedRegion.of(mesh.points)
-    y, z = mesh.points[:, 1], mesh.points[:, 2]
     skin = np.zeros(mesh.n_points, dtype=bool)
     skin[mesh.skin_faces] = True
-    held: BoolArray = skin & (mesh.part == 0) & (y < region.behind) & (z > region.low) & (z < region.high)
+    held: BoolArray = skin & (mesh.part == 0) & region.holds(mesh.points)
     return held
 
 

@@ -8,6 +8,7 @@ from scipy.spatial import cKDTree
 from mixpinn.base.arrays import BoolArray, FloatArray
 from mixpinn.base.errors import InputError
 from mixpinn.base.sensible import positive, require_settings
+from mixpinn.mesh.cells.label import FixedRegion
 from mixpinn.mesh.surfaces.surface import DomainSurfaces, Surface
 
 _COLUMN = 5.0
@@ -20,14 +21,16 @@ _CANDIDATE_SPACING = 2.0
 class Grading:
     """Edge lengths of a graded mesh [mm] and how they grow between the places that they are given for.
 
-    The length at a point is the smallest of `elsewhere`, `probed` + `growth` · (distance to the probed skin) and
-    `rigid` + `growth` · (distance to the rigid parts). The probed skin is what a probe that comes along −y meets over
-    the rigid parts and up to `reach` beside them.
+    The length at a point is the smallest of `elsewhere`, `probed` + `growth` · (distance to the probed skin), `rigid` +
+    `growth` · (distance to the rigid parts), and `fixed` + `growth` · (distance to the border of the region in which
+    the skin is fixed), where stresses are singular as at a probe's rim. The probed skin is what a probe that comes
+    along −y meets over the rigid parts and up to `reach` beside them.
 
     Attributes:
         probed: on the probed skin [mm].
         rigid: on the surfaces of rigid parts [mm].
         rim: along the rims of the crop's caps [mm].
+        fixed: along the border of the region in which the skin is fixed [mm].
         elsewhere: on the other skin and the caps, and the largest inside [mm].
         growth: increase of the length with the distance, mm per mm.
         reach: how far the probed skin extends beyond the rigid parts in x and z: half a probe's width [mm].
@@ -40,6 +43,7 @@ class Grading:
     probed: float = 8.0
     rigid: float = 6.0
     rim: float = 14.0
+    fixed: float = 24.0
     elsewhere: float = 24.0
     growth: float = 0.35
     reach: float = 30.0
@@ -58,7 +62,7 @@ class Grading:
         """
         if not size > 0.0:
             raise InputError("size", expected="a positive factor", got=f"{size:g}", fix="1 is the default, 2 coarser")
-        lengths = ("probed", "rigid", "rim", "elsewhere", "distance")
+        lengths = ("probed", "rigid", "rim", "fixed", "elsewhere", "distance")
         return replace(self, **{name: size * getattr(self, name) for name in lengths})
 
 
@@ -72,6 +76,8 @@ class SizingField:
         over = np.concatenate(rigid) if rigid else body
         self._probed = cKDTree(body[probed_skin(body, over, reach=grading.reach)])
         self._rigid = cKDTree(over) if rigid else None
+        border = FixedRegion.of(surfaces.body.points).border(body, within=_CANDIDATE_SPACING)
+        self._fixed = cKDTree(body[border]) if border.any() else None
 
     def __call__(self, points: FloatArray) -> FloatArray:
         """Edge length at `points` [mm] (q, 3); shape (q,)."""
@@ -79,6 +85,8 @@ class SizingField:
         length = np.minimum(grading.elsewhere, grading.probed + grading.growth * self._probed.query(points)[0])
         if self._rigid is not None:
             length = np.minimum(length, grading.rigid + grading.growth * self._rigid.query(points)[0])
+        if self._fixed is not None:
+            length = np.minimum(length, grading.fixed + grading.growth * self._fixed.query(points)[0])
         return np.asarray(length, dtype=np.float64)
 
 
