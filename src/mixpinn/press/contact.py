@@ -23,7 +23,7 @@ from mixpinn.base.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from mixpinn.base.errors import InputError
 from mixpinn.geometry.probe_pose import PROBE_AXIS
 from mixpinn.geometry.rotations import rotation_from_vector, vector_from_rotation
-from mixpinn.press.path_kernel import deepest_touch, mark_shadow
+from mixpinn.press.first_touch import deepest_touch, mark_shadow
 from mixpinn.press.probe_field import ProbeField, shadow_columns
 from mixpinn.press.records import (
     ContactHistory,

@@ -7,7 +7,7 @@ beginning of the step. v₀ is zero, or the violation N / k of an earlier solve:
 moderate (the multiplier of an augmented Lagrangian).
 
 The linear body answers forces λ on its nodes with y = free − W λ. Equilibrium λ = g(y), g the gradient of contact by
-the nodes, is sought among the nodes near the probe by Newton's method (`mixpinn.physics.condensed_contact`), each step
+the nodes, is sought among the nodes near the probe by Newton's method (`mixpinn.press.newton_direction`), each step
 shortened until (g − λ)ᵀ W (g − λ) falls. No library of linear algebra takes part: nothing waits for threads.
 """
 
@@ -17,9 +17,9 @@ import numba
 import numpy as np
 
 from mixpinn.base.arrays import FloatArray, IntArray
-from mixpinn.physics.condensed_contact import newton_step
 from mixpinn.physics.contact_law import penalty, return_slip, slip_derivative
 from mixpinn.physics.elimination import symmetric_times
+from mixpinn.press.newton_direction import newton_direction, resistance
 from mixpinn.press.probe_field import FAR, distance_at
 
 STEEPEST = 1.3
@@ -215,46 +215,6 @@ def _all_forces(x, contacts, forces):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True, fastmath={"contract"})
-def _stiffness_of_touched(contacts, forces):  # type: ignore[no-untyped-def]
-    """H among the unknowns of the nodes that pushed points hang on, (3 a, 3 a), and these unknowns, (3 a,)."""
-    stencil, weights, push, slope = contacts.stencil, contacts.weights, forces.push, forces.slope
-    width, local = stencil.shape[1], np.full(len(forces.gradient), -1)
-    for c in range(len(push)):
-        if push[c] > 0.0:
-            for i in range(width):
-                local[stencil[c, i]] = 0
-    a = 0
-    for node in range(len(local)):
-        if local[node] == 0:
-            local[node] = 3 * a
-            a += 1
-    stiffness, unknowns = np.zeros((3 * a, 3 * a)), np.empty(3 * a, np.int64)
-    for node in range(len(local)):
-        if local[node] >= 0:
-            for r in range(3):
-                unknowns[local[node] + r] = 3 * node + r
-    for c in range(len(push)):
-        if push[c] > 0.0:
-            s00, s01, s02 = slope[c, 0, 0], slope[c, 0, 1], slope[c, 0, 2]
-            s10, s11, s12 = slope[c, 1, 0], slope[c, 1, 1], slope[c, 1, 2]
-            s20, s21, s22 = slope[c, 2, 0], slope[c, 2, 1], slope[c, 2, 2]
-            for i in range(width):
-                a, w = local[stencil[c, i]], weights[c, i]
-                for j in range(width):
-                    b, ww = local[stencil[c, j]], w * weights[c, j]
-                    stiffness[a, b] += ww * s00
-                    stiffness[a, b + 1] += ww * s01
-                    stiffness[a, b + 2] += ww * s02
-                    stiffness[a + 1, b] += ww * s10
-                    stiffness[a + 1, b + 1] += ww * s11
-                    stiffness[a + 1, b + 2] += ww * s12
-                    stiffness[a + 2, b] += ww * s20
-                    stiffness[a + 2, b + 1] += ww * s21
-                    stiffness[a + 2, b + 2] += ww * s22
-    return stiffness, unknowns
-
-
-@numba.njit(cache=True, nogil=True, fastmath={"contract"})
 def _unbalanced(gradient, lam, error):  # type: ignore[no-untyped-def]
     """Fills `error` with g − λ; returns its norm relative to that of g."""
     total, off = 0.0, 0.0
@@ -302,12 +262,8 @@ def solve_step(  # type: ignore[no-untyped-def]
     if np.abs(raised).max() > 0.0:
         # Without the probe the skin would rise; held by it, it stays: Δλ = (1 + H W)⁻¹ H lift.
         _all_forces((rest - raised + y).reshape(n, 3), contacts, forces)
-        inner, unknowns = _stiffness_of_touched(contacts, forces)
-        error[:] = 0.0
-        for i in range(len(unknowns)):
-            for j in range(len(unknowns)):
-                error[unknowns[i]] += inner[i, j] * raised[unknowns[j]]
-        if newton_step(compliance, error, inner, unknowns, change, move):
+        resistance(contacts, forces, raised, error)
+        if newton_direction(compliance, contacts, forces, error, change, move):
             for i in range(m):
                 lam[i] += change[i]
             _moved(compliance, lam, y)
@@ -317,8 +273,7 @@ def solve_step(  # type: ignore[no-untyped-def]
         if not first[c] and forces.push[c] > 0.0:
             _leave_out(c, contacts, forces)
     _unbalanced(gradient, lam, error)
-    inner, unknowns = _stiffness_of_touched(contacts, forces)
-    if newton_step(compliance, error, inner, unknowns, change, move):
+    if newton_direction(compliance, contacts, forces, error, change, move):
         length = min(1.0, _LARGEST_MOVE / max(np.abs(move).max(), 1e-12))
         for i in range(m):
             y[i] -= length * move[i]
@@ -365,8 +320,7 @@ def _search(rest, compliance, contacts, forces, y, lam, tolerance, max_iteration
             return True, iteration
         symmetric_times(compliance, error, response)
         size = (error * response).sum()
-        inner, unknowns = _stiffness_of_touched(contacts, forces)
-        if not newton_step(compliance, error, inner, unknowns, change, move):
+        if not newton_direction(compliance, contacts, forces, error, change, move):
             return False, iteration
         length, best, least = min(1.0, _LARGEST_MOVE / max(np.abs(move).max(), 1e-12)), 0.0, np.inf
         for _ in range(7):

@@ -4,7 +4,7 @@ import numpy as np
 
 from mixpinn.geometry.probe_shapes import spherical_probe
 from mixpinn.geometry.rotations import rotation_from_vector
-from mixpinn.press.path_kernel import deepest_touch, touch_depths
+from mixpinn.press.first_touch import deepest_touch, touch_depths
 from mixpinn.press.probe_field import ProbeField
 from mixpinn.press.skin_points import SkinPoints
 
