@@ -134,7 +134,9 @@ def main() -> None:
     training = np.flatnonzero(np.isin(table.position_index, split.train))[:: args.every]
     if args.fit:
         probe = Probe.load(args.store / "probe.stl")
-        solver = PriorContact.of_prior(hybrid.prior, PoseContactConfig())
+        law = store.contact()
+        config = PoseContactConfig.of_order(mesh.order, gap=law.gap, friction=law.friction)
+        solver = PriorContact.of_prior(hybrid.prior, config)
         probes = (solver.field(probe),)
         model = PoseModel(hybrid, solver, probes, PoseDomain.of_mesh(mesh))
         began = time.perf_counter()

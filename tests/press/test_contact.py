@@ -1,5 +1,7 @@
 """Contact from the pose: balance, friction, independence of order, several probes, and the full contact simulation."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
@@ -235,3 +237,10 @@ def test_a_steep_tilt_and_a_deep_press_converge(prior, ball) -> None:
             found = contact.solve([ball], *pose(depth=depth, turn=turn))
             assert found.converged
             assert np.isfinite(found.wrench).all()
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_a_contact_of_curved_faces_gives_way_and_one_of_flat_faces_keeps_its_settings(order) -> None:
+    config = PoseContactConfig.of_order(order, gap=1.5, friction=0.4)
+    assert (config.gap, config.friction) == (1.5, 0.4)
+    assert (replace(config, gap=2.0, friction=1.0) == PoseContactConfig()) == (order == 1)

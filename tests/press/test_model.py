@@ -80,6 +80,7 @@ def test_a_newton_step_of_which_nothing_is_taken_is_not_computed(model, monkeypa
     unbent = replace(model, bend=0.0).predict(TURN, tip(depth=5.0))
     assert_array_equal(unbent.displacement, linear.displacement)
     assert_array_equal(unbent.wrench, linear.wrench)
+    assert not unbent.contact.history.lead.any()  # a path that goes on from there goes on from these forces
 
 
 def test_rigid_parts_stay_exactly_rigid(model) -> None:

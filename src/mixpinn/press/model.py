@@ -262,10 +262,12 @@ class PoseModel:
         """Contact on the body as one Newton step bends it."""
         session = self.contact.open(fields, rotations, translations, history, check=check)
         bent = 0.0
-        for _ in range(self.steps):
+        # Where no part of the step is taken, contact stays as it is: a history must not tell of multipliers that the
+        # answer has not been solved with.
+        for _ in range(self.steps if self.bend > 0.0 else 0):
             if not session.force.any():
                 break
-            shift = self.bend * self._shift(session) if self.bend > 0.0 else np.zeros_like(session.shift)
+            shift = self.bend * self._shift(session)
             bent = float(np.sqrt((shift**2).sum(axis=1).mean()))
             session = session.shifted(shift)
         return Touch(rotations, translations, session.outcome(), bent)

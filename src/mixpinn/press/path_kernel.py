@@ -14,9 +14,6 @@ from mixpinn.press.step_kernel import Contacts, solve_step
 
 _DEEP = 0.85
 """At first touch the points begin to push that the probe has come upon by more than this part of the deepest."""
-_ON_THE_WAY = 5e-3
-"""Tolerance of all steps but the last, which has its own. The nodes lie where the forces λ put them; what the law of
-contact says there differs by this part, and with it the places by this part of the violations of the gap alone."""
 
 
 class Skin(NamedTuple):
@@ -42,7 +39,7 @@ class Path(NamedTuple):
 
 @numba.njit(cache=True, nogil=True)
 def follow(  # type: ignore[no-untyped-def]
-    rest, compliance, skin, fields, path, force, slip, push, leads, law, tolerance, max_iterations,
+    rest, compliance, skin, fields, path, force, slip, push, leads, law, tolerances, max_iterations,
 ):
     """Go along a path of placements, each step from the equilibrium of the one before.
 
@@ -56,7 +53,9 @@ def follow(  # type: ignore[no-untyped-def]
             first step; normal forces only help to find those after it.
         leads: v₀ of every point under every probe, shape (k, p).
         law: gap, μ, δ.
-        tolerance: of the forces after the last step, relative.
+        tolerances: of the forces, relative, after the last step and after all others. The nodes lie where the forces λ put
+            them; what the law of contact says there differs by this part, and with it the places by this part of the
+            violations of the gap alone.
         max_iterations: of one solve.
 
     Returns:
@@ -93,7 +92,7 @@ def follow(  # type: ignore[no-untyped-def]
             contacts = _contacts(pairs, local, skin, fields, path, step, x, slip, leads, law)
             found, forces, converged, iterations = solve_step(
                 near, lift, part, begin, contacts, _first(pairs, push, ahead), _clear(pairs, ahead, places),
-                tolerance if last else max(tolerance, _ON_THE_WAY), max_iterations,
+                tolerances[0] if last else max(tolerances[0], tolerances[1]), max_iterations,
             )
             used += iterations
             if not converged or _inside(pairs, contacts, forces.push):

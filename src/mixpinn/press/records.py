@@ -32,6 +32,7 @@ class PoseContactConfig:
         most_steps: of a path that begins at a history; a longer one has longer steps.
         arm: distance from the tip at which a turn counts as a way [mm].
         tolerance: of the forces, relative.
+        on_the_way: tolerance of all steps of a path but the last, relative.
         max_iterations: of one solve.
 
     Gap and friction are those of the simulations. The other defaults were chosen by hand: for speed, a softer and
@@ -51,7 +52,23 @@ class PoseContactConfig:
     most_steps: int = 60
     arm: float = 20.0
     tolerance: float = 1e-5
+    on_the_way: float = 5e-3
     max_iterations: int = 40
+
+    @staticmethod
+    def of_order(order: int, *, gap: float, friction: float) -> "PoseContactConfig":
+        """The settings for cells of an order, 1 or 2.
+
+        Faces of six nodes have three points on each part already, so that parts three times as long sample them well,
+        and a contact that gives way over more than a millimetre spares most iterations. Both were chosen on poses that
+        were not fitted on, of two patients onboarded by default: errors of fields, motions and forces are a tenth to a
+        sixth smaller than with the settings of flat faces, which sampled curved ones every millimetre.
+        """
+        if order == 1:
+            return PoseContactConfig(gap=gap, friction=friction)
+        return PoseContactConfig(
+            gap=gap, friction=friction, spacing=12.0, stiffness=1.0, smoothing=1.2, on_the_way=2e-2,
+        )
 
 
 @dataclass(frozen=True, eq=False)

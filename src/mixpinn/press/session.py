@@ -120,7 +120,8 @@ class ContactSession:
             contact.rest[self.patch], self.compliance,
             Skin(self.stencil, skin.weights[self.points], config.stiffness * skin.area[self.points]),
             self.placed.joined, Path(path[0], path[1], shifts), self.force, self.slip,
-            self.push, self.lead, (config.gap, friction, config.smoothing), config.tolerance, config.max_iterations,
+            self.push, self.lead, (config.gap, friction, config.smoothing), (config.tolerance, config.on_the_way),
+            config.max_iterations,
         )
         placed = replace(self.placed, rotations=path[0][done], translations=path[1][done])
         return replace(

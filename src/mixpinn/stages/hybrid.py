@@ -99,7 +99,7 @@ def taught_with(model: HybridModel, refinement: LocalRefinement | None) -> Hybri
 
 def plain_pose_model(model: HybridModel, probe: Probe, contact: ContactConfig) -> PoseModel:
     """Contact from the pose of `probe` on the model's prior, with nothing learned about it."""
-    config = PoseContactConfig(gap=contact.gap, friction=contact.friction)
+    config = PoseContactConfig.of_order(model.mesh.order, gap=contact.gap, friction=contact.friction)
     solver = PriorContact.of_prior(model.prior, config)
     probes = (solver.field(probe),)
     return PoseModel(model, solver, probes, PoseDomain.of_mesh(model.mesh))
