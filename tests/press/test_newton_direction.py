@@ -35,7 +35,7 @@ def some_contact(width: int, points: int, pushed: int):
 
 
 @pytest.mark.parametrize("width", [1, 3, 6])
-@pytest.mark.parametrize("points, pushed", [(4, 2), (5, 5), (40, 30)])  # fewer and more of them than nodes
+@pytest.mark.parametrize(("points", "pushed"), [(4, 2), (5, 5), (40, 30)])  # fewer and more of them than nodes
 def test_the_step_is_that_of_dense_algebra(width, points, pushed) -> None:
     contacts, forces, stiffness = some_contact(width, points, pushed)
     rng = np.random.default_rng(1)

@@ -53,9 +53,9 @@ def follow(  # type: ignore[no-untyped-def]
             first step; normal forces only help to find those after it.
         leads: v₀ of every point under every probe, shape (k, p).
         law: gap, μ, δ.
-        tolerances: of the forces, relative, after the last step and after all others. The nodes lie where the forces λ put
-            them; what the law of contact says there differs by this part, and with it the places by this part of the
-            violations of the gap alone.
+        tolerances: of the forces, relative, after the last step and after all others. The nodes lie where the forces λ
+            put them; what the law of contact says there differs by this part, and with it the places by this part of
+            the violations of the gap alone.
         max_iterations: of one solve.
 
     Returns:
