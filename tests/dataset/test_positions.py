@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from dataset.dataset_fakes import block, plate
-from mixpinn.dataset import Protocol, grid_positions, plan_poses, thin_positions
+from mixpinn.dataset import Protocol, grid_positions, left_at_ends, plan_poses, thin_positions
+from mixpinn.dataset.positions import pressed_part
+from mixpinn.records import Probe
 
 DOWN = Protocol(start="touch", approach=0.0)
 
@@ -27,6 +29,32 @@ def test_grid_lies_on_the_side_that_is_pressed(direction, axis, level):
     positions = grid_positions(block(6), Protocol(direction=direction))
     assert len(positions) == 16
     np.testing.assert_allclose(positions[:, axis], level, atol=1e-9)
+
+
+def test_no_probe_hangs_over_an_end_of_the_mesh():
+    # The block ends at z = ±25 mm, its bone at ±15. A plate of 24 mm that is turned by 45° reaches 17 mm to either
+    # side, so that tips lie within 8 mm of the middle: over the vertices of the bone at ±5.
+    mesh, turned = block(6), replace(DOWN, rotations=(0.0, 45.0))
+    positions = grid_positions(mesh, turned, probe=plate(24.0))
+    assert sorted({z for _, _, z in positions.tolist()}) == pytest.approx([-5.0, 5.0])
+    assert sorted({x for x, _, _ in positions.tolist()}) == pytest.approx([-15.0, -5.0, 5.0, 15.0])
+    assert left_at_ends(mesh, turned, plate(24.0)) == pytest.approx((12.0 * 2.0**0.5 - 10.0, 12.0 * 2.0**0.5 - 10.0))
+    assert left_at_ends(mesh, DOWN, plate(4.0)) == (0.0, 0.0)
+    # Where no place would be left, and where the ends themselves are pressed, nothing is left out.
+    for protocol, probe in ((turned, plate(60.0)), (replace(turned, direction=(0.0, 0.0, -1.0)), plate(24.0))):
+        np.testing.assert_array_equal(
+            grid_positions(mesh, protocol, probe=probe), grid_positions(mesh, protocol),
+        )
+
+
+def test_the_part_of_a_probe_that_presses_ends_at_the_depth():
+    # A cone of 45° with its apex at the tip: at a depth of 5 mm its rim has a radius of 5 mm.
+    angles = np.arange(8) * np.pi / 4.0
+    rim = np.column_stack([20.0 * np.cos(angles), np.full(8, 20.0), 20.0 * np.sin(angles)])
+    triangles = np.array([[0, 1 + i, 1 + (i + 1) % 8] for i in range(8)])
+    part = pressed_part(Probe(np.concatenate([np.zeros((1, 3)), rim]), triangles), 5.0)
+    assert part[:, 1].max() == pytest.approx(5.0)
+    np.testing.assert_allclose(np.linalg.norm(part[1:, [0, 2]], axis=1), 5.0)
 
 
 def test_grid_without_rigid_parts_keeps_off_the_border():

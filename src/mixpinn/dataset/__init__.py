@@ -23,7 +23,7 @@ from mixpinn.dataset.inverted_cells import InvertedCell, inverted_cells, list_in
 from mixpinn.dataset.local_pool import pinned_threads
 from mixpinn.dataset.pose_map import draw_pose_map, save_pose_map
 from mixpinn.dataset.pose_order import farthest_first
-from mixpinn.dataset.positions import grid_positions, plan_poses, thin_positions
+from mixpinn.dataset.positions import grid_positions, left_at_ends, plan_poses, thin_positions
 from mixpinn.dataset.protocol import (
     ANATOMY,
     PAPER,
@@ -81,6 +81,7 @@ __all__ = [
     "hold_out",
     "inverted_cells",
     "lateral_to",
+    "left_at_ends",
     "list_inverted",
     "list_poses",
     "pinned_threads",

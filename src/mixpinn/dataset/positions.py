@@ -13,6 +13,9 @@ from mixpinn.geometry.first_touch import first_touch
 from mixpinn.geometry.probe_pose import probe_rotation
 from mixpinn.records import Probe, TissueMesh
 
+_ALONG = 0.5
+"""A pressing direction with a larger part along z presses the ends themselves."""
+
 
 def plane_axes(direction: FloatArray) -> FloatArray:
     """Two unit vectors that span the plane across `direction`, shape (2, 3); x and z for the direction −y."""
@@ -72,17 +75,58 @@ def thin_positions(positions: FloatArray, count: int | None) -> FloatArray:
     return positions[np.sort(chosen)]
 
 
-def grid_positions(mesh: TissueMesh, protocol: Protocol) -> FloatArray:
+def pressed_part(probe: Probe, depth: float) -> FloatArray:
+    """Points that bound what of `probe` lies up to `depth` above its tip [mm], shape (p, 3)."""
+    points, height = probe.points, probe.points[:, 1]
+    edges = np.concatenate([probe.triangles[:, [0, 1]], probe.triangles[:, [1, 2]], probe.triangles[:, [2, 0]]])
+    low, high = edges[np.arange(len(edges)), np.argsort(height[edges], axis=1).T]
+    cut = (height[low] < depth) & (height[high] > depth)
+    low, high = low[cut], high[cut]
+    share = (depth - height[low]) / (height[high] - height[low])
+    return np.concatenate([points[height <= depth], points[low] + share[:, None] * (points[high] - points[low])])
+
+
+def reachable_ends(mesh: TissueMesh, protocol: Protocol, probe: Probe) -> tuple[float, float]:
+    """Lowest and highest z of a tip at which no rotation of the grid has the probe hang over an end of the mesh [mm].
+
+    A scan ends somewhere; beyond its first and last slice there is no skin that would carry the rest of the probe.
+    """
+    part = pressed_part(probe, float(protocol.depths.max()) + probe.points[:, 1].min())
+    reach = np.concatenate([part @ probe_rotation(angle, protocol.direction)[2] for angle in protocol.rotations])
+    return float(mesh.points[:, 2].min() - reach.min()), float(mesh.points[:, 2].max() - reach.max())
+
+
+def left_at_ends(mesh: TissueMesh, protocol: Protocol, probe: Probe) -> tuple[float, float]:
+    """How much of the pressed bones' extent along z is no place for a probe, at either end [mm]; 0 where all is."""
+    if abs(protocol.unit_direction[2]) > _ALONG:
+        return 0.0, 0.0
+    low, high = reachable_ends(mesh, protocol, probe)
+    z = mesh.pressed_points[:, 2]
+    if not mesh.n_parts or not ((z >= low) & (z <= high)).any():
+        return 0.0, 0.0
+    return max(low - float(z.min()), 0.0), max(float(z.max()) - high, 0.0)
+
+
+def grid_positions(mesh: TissueMesh, protocol: Protocol, *, probe: Probe | None = None) -> FloatArray:
     """Positions on the skin over the pressed bones, every `protocol.spacing`, centred on their extent [mm], (p, 3).
 
     Each is the first point of the skin that a ray along the pressing direction meets. A mesh without rigid parts
     is covered over its whole extent less one spacing on each side.
+
+    Args:
+        mesh: what is pressed.
+        protocol: spacing, rotations and pressing direction.
+        probe: where it would hang over an end of the mesh (`reachable_ends`), bones are not covered, unless that
+            leaves none.
 
     Raises:
         InputError: no ray meets the skin.
     """
     direction, axes = protocol.unit_direction, plane_axes(protocol.unit_direction)
     covered = mesh.pressed_points
+    if probe is not None and any(left_at_ends(mesh, protocol, probe)):
+        bottom, top = reachable_ends(mesh, protocol, probe)
+        covered = covered[(covered[:, 2] >= bottom) & (covered[:, 2] <= top)]
     low, high = (covered @ axes.T).min(axis=0), (covered @ axes.T).max(axis=0)
     if not mesh.n_parts:
         low, high = low + protocol.spacing, high - protocol.spacing

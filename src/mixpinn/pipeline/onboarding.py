@@ -37,7 +37,7 @@ from mixpinn.stages.hybrid import SPLIT_FILE, fit_pose_model, is_whole, plain_po
 from mixpinn.stages.mesh import PATIENT_CELLS, MeshConfig, make_mesh
 from mixpinn.stages.prior import cached_prior
 from mixpinn.stages.restraints import describe
-from mixpinn.stages.simulation import SimulationConfig, begin_simulations, for_patients, make_scene
+from mixpinn.stages.simulation import SimulationConfig, begin_simulations, bones_left_out, for_patients, make_scene
 
 BUNDLE = "bundle"
 _ROUNDS = "rounds.json"
@@ -119,6 +119,8 @@ def onboard(config: OnboardingConfig, *, out: Path | str) -> Path:
         _learn(model, mesh, config, clock, out)
     refined_to = "" if scene.refinement is None else str(scene.refinement)
     told = {"Discretisation": discretisation_of(scene.mesh, refined_to), **describe(scene.mesh, scene.restraints)}
+    if left := bones_left_out(scene.mesh, config.simulation, scene.probe):
+        told["Ends of the scan"] = left
     budget = load_budget(out / BUNDLE, scene.mesh)
     write_text(out / "onboarding.md", rounds_report(
         clock.rounds, mesh_nodes=mesh.n_points, body=told, budget=budget, minutes=clock.seconds() / 60.0,

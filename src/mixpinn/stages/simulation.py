@@ -21,6 +21,7 @@ from mixpinn.dataset import (
     SimulationStore,
     generate,
     grid_positions,
+    left_at_ends,
     plan_poses,
     read_positions,
     save_pose_map,
@@ -251,8 +252,24 @@ def plan(mesh: TissueMesh, config: SimulationConfig, probe: Probe) -> tuple[Floa
     Raises:
         InputError: unreadable positions, or no skin in the probe's way.
     """
-    positions = grid_positions(mesh, config.protocol) if config.positions is None else read_positions(config.positions)
+    if config.positions is None:
+        positions = grid_positions(mesh, config.protocol, probe=probe)
+        if line := bones_left_out(mesh, config, probe):
+            console.print(line, soft_wrap=True)
+    else:
+        positions = read_positions(config.positions)
     return positions, plan_poses(positions, config.protocol, mesh=mesh, probe=probe, gap=config.contact.gap)
+
+
+def bones_left_out(mesh: TissueMesh, config: SimulationConfig, probe: Probe) -> str:
+    """A line about bones that the grid of positions leaves out, since the probe would hang over an end of the scan."""
+    left = left_at_ends(mesh, config.protocol, probe) if config.positions is None else (0.0, 0.0)
+    named = zip(("upper", "lower"), left, strict=True)
+    ends = " and ".join(f"{length:.0f} mm at the {end} end" for end, length in named if length > 0.5)
+    return ends and (
+        f"{ends} of the bones get no poses: the probe would hang over the end of the scan there, and answers are "
+        "expected to be less certain"
+    )
 
 
 def settings_of_scene(scene: Scene, protocol: Protocol) -> SimulationConfig:
