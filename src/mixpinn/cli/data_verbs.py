@@ -96,7 +96,7 @@ def simulate(
     overrides: options.Set = None,
 ) -> None:
     """Press the probe over the grid of poses; finished poses are kept if the command is stopped."""
-    from mixpinn.stages.simulation import for_patients, make_simulations
+    from mixpinn.stages.simulation import failed_for_valleys, for_patients, make_simulations
 
     settings = options.simulation_settings(
         config, overrides, protocol=protocol, probe=probe, positions=positions, paper_constants=paper_constants,
@@ -105,10 +105,12 @@ def simulate(
     meshed = options.load_mesh(source)
     if (source / JOINTS_FILE).is_file() and not paper_constants and protocol not in ("paper", "sofa-replay"):
         settings = for_patients(settings, meshed.tissue_names)
-    _, summary = make_simulations(meshed, settings, out=out, scheduler=scheduler)
+    store, summary = make_simulations(meshed, settings, out=out, scheduler=scheduler)
     say(summary.markdown())
     if summary.failed or summary.failed_steps:
         warn(f"{summary.failed} poses and {summary.failed_steps} steps failed; see {out}/poses.png")
+        if told := failed_for_valleys(store):
+            warn(told)
 
 
 @app.command()

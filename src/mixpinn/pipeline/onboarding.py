@@ -37,7 +37,14 @@ from mixpinn.stages.hybrid import SPLIT_FILE, fit_pose_model, is_whole, plain_po
 from mixpinn.stages.mesh import PATIENT_CELLS, MeshConfig, make_mesh
 from mixpinn.stages.prior import cached_prior
 from mixpinn.stages.restraints import describe
-from mixpinn.stages.simulation import SimulationConfig, begin_simulations, bones_left_out, for_patients, make_scene
+from mixpinn.stages.simulation import (
+    SimulationConfig,
+    begin_simulations,
+    bones_left_out,
+    failed_for_valleys,
+    for_patients,
+    make_scene,
+)
 
 BUNDLE = "bundle"
 _ROUNDS = "rounds.json"
@@ -187,6 +194,9 @@ def _simulate(scene: Scene, store: SimulationStore, poses: Any, config: Onboardi
     generate(
         scene, poses, store, workers=workers, threads=scene.solver.threads or 1, timeout=config.simulation.timeout,
     )
+    if failed := sum(len(store.status(pose).failed_steps) for pose in poses):
+        why = failed_for_valleys(store)
+        console.print(f"{failed} steps found no equilibrium and are left out{why and ': '}{why}", soft_wrap=True)
 
 
 def _samples_of(table: SampleTable, poses: Any) -> SampleTable:

@@ -11,6 +11,7 @@ from scipy.sparse.csgraph import connected_components
 from mixpinn.base.arrays import FloatArray, IntArray
 from mixpinn.base.errors import InputError
 from mixpinn.base.files import hash_arrays
+from mixpinn.records.probe_valleys import valley_warning
 from mixpinn.records.surface_file import edge_uses, read_surface
 from mixpinn.records.vtk_file import write_vtk
 
@@ -61,7 +62,7 @@ def check_probe(probe: Probe) -> tuple[str, ...]:
 
     Returns:
         What a user should know: that it is so small that its lengths may be centimetres or inches, that it has a hole
-        where it presses, or comes in pieces.
+        where it presses, comes in pieces, or has valleys that skin may lie in.
 
     Raises:
         InputError: it is too small or too large for a probe, lies beside the origin, stands on its head, or lies on
@@ -106,6 +107,8 @@ def _oddities(probe: Probe, extent: float) -> Iterator[str]:
     pieces = len(np.unique(connected_components(graph, directed=False)[1][used]))
     if pieces > 1:
         yield f"the probe comes in {pieces} pieces: each of them presses"
+    if told := valley_warning(probe.points, probe.triangles):
+        yield told
 
 
 @dataclass(frozen=True, eq=False)

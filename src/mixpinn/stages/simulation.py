@@ -46,6 +46,7 @@ from mixpinn.geometry.probe_shapes import linear_probe
 from mixpinn.physics.restraints import JOINTS
 from mixpinn.records import Probe, TissueMesh
 from mixpinn.records.probe import check_probe
+from mixpinn.records.probe_valleys import valley_warning
 from mixpinn.stages.restraints import (
     AS_MESHED,
     JointChoice,
@@ -270,6 +271,12 @@ def bones_left_out(mesh: TissueMesh, config: SimulationConfig, probe: Probe) -> 
         f"{ends} of the bones get no poses: the probe would hang over the end of the scan there, and answers are "
         "expected to be less certain"
     )
+
+
+def failed_for_valleys(store: SimulationStore) -> str:
+    """What may be why steps of `store` failed, where its probe has valleys; empty where it has none."""
+    probe = store.probe()
+    return "" if probe is None else valley_warning(probe.points, probe.triangles)
 
 
 def settings_of_scene(scene: Scene, protocol: Protocol) -> SimulationConfig:

@@ -14,8 +14,9 @@ from mixpinn.fem.solve.refined_pose import RefinedSimulator
 from mixpinn.geometry.first_touch import first_touch
 from mixpinn.geometry.probe_pose import PATH_STEP, ProbePose
 from mixpinn.geometry.rotations import vector_from_rotation
-from mixpinn.records import ProbePath, Simulation
+from mixpinn.records import Probe, ProbePath, Simulation
 from mixpinn.records.answer import Answer, Contact, Motion, Source, Trust, discretisation_of
+from mixpinn.records.probe_valleys import valley_warning
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,13 +92,13 @@ def _solve_refined(
     )
     done = int(found.converged.sum())
     if not done:
-        return replace(_untouched(scene), trust=_trust(found))
+        return replace(_untouched(scene), trust=_trust(found, scene.probe))
     nodes, forces = found.contacts(done - 1)
     displacement, wrench = found.displacement[done - 1], found.probe_wrench[done - 1]
     return Answer(
         scene.mesh, displacement, Source.FULL_SOLVE, model="Full solve", force=wrench[:3], moment=wrench[3:],
         motions=_motions(scene, found.part_translation[done - 1], found.part_rotation[done - 1]),
-        contact=Contact(nodes, displacement[nodes], forces), trust=_trust(found),
+        contact=Contact(nodes, displacement[nodes], forces), trust=_trust(found, scene.probe),
         discretisation=discretisation_of(scene.mesh, str(scene.refinement)),
     )
 
@@ -180,7 +181,7 @@ def _answer(scene: Scene, simulation: Simulation, last: Equilibrium, start: Equi
         mesh, displacement, Source.FULL_SOLVE, model="Full solve", force=external.sum(axis=0),
         moment=np.cross(state.points - last.pose.translation, external).sum(axis=0), motions=motions,
         contact=Contact(loaded, displacement[loaded], -external[loaded]),
-        trust=_trust(simulation),
+        trust=_trust(simulation, scene.probe),
         discretisation=discretisation_of(mesh), history=history,
     )
 
@@ -193,12 +194,12 @@ def _motions(scene: Scene, translation: FloatArray, rotation: FloatArray) -> dic
     }
 
 
-def _trust(simulation: Simulation) -> Trust:
-    """Whether all of a path converged, and how far it came where not."""
+def _trust(simulation: Simulation, probe: Probe) -> Trust:
+    """Whether all of a path converged, and how far it came where not; a probe with valleys may be why."""
     done, steps = int(simulation.converged.sum()), simulation.n_steps
     depth = f"{simulation.path.depths[done - 1]:g}" if done else "0"
     reasons = () if done == steps else (
         f"the solve stopped at {depth} of {simulation.path.depths[-1]:g} mm; the answer is that of the last step "
-        "that converged",
+        "that converged", *filter(None, [valley_warning(probe.points, probe.triangles)]),
     )
     return Trust(converged=done == steps, residual=float(simulation.residual[min(done, steps - 1)]), reasons=reasons)
