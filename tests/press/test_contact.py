@@ -171,14 +171,26 @@ def test_it_meets_the_full_contact_simulation_of_quadratic_cells(mesh) -> None:
     assert_allclose(found.wrench[0, 1], true.probe_wrench[-1, 1], rtol=0.06)  # the softer penalty gives way
 
 
-def test_the_rim_of_the_skin_is_where_it_goes_on_not_where_the_body_ends(mesh, prior) -> None:
+def test_the_rim_of_the_skin_is_where_it_goes_on_not_where_the_body_ends(mesh, prior, ball) -> None:
     top = top_nodes(mesh)
-    corner = top[np.argmin(mesh.points[top][:, [0, 2]].sum(axis=1))]
-    assert not PriorContact.of_prior(prior).at_the_rim(np.array([corner]))
     half = top[mesh.points[top][:, 0] <= 20.0]
+    whole = PriorContact.of_prior(prior)
     part = PriorContact.of_prior(ElasticPrior.build(mesh, [TISSUE], nodes=half, linear=SuperLUSolver()))
-    edge = half[mesh.points[half][:, 0] == mesh.points[half][:, 0].max()]
-    assert part.at_the_rim(edge[:1])
+    rim = float(mesh.points[half][:, 0].max())
+    border = float(mesh.points[top][:, 0].min())
+
+    def reaches(contact, x):
+        rotation, tip = pose()
+        tip[0, 0] = x
+        found = contact.solve([ball], rotation, tip)
+        assert len(found.nodes)
+        return contact.at_the_rim(found)
+
+    assert reaches(part, rim - 1.0)
+    # Its last face is touched, whose nodes lie on the rim and carry force, but not beside the rim.
+    assert not reaches(part, rim - 9.0)
+    assert not reaches(whole, rim - 1.0)
+    assert not reaches(whole, border + 1.0)
 
 
 def test_bad_poses_are_refused(prior, ball) -> None:

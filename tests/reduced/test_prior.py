@@ -7,7 +7,7 @@ from numpy.testing import assert_allclose
 from mixpinn.base.errors import InputError
 from mixpinn.evaluation import MetricGeometry, rigid_edge_error
 from mixpinn.fem import ElasticSystem, StableNeoHookean, SuperLUSolver
-from mixpinn.reduced.prior import PRIOR, ElasticPrior
+from mixpinn.reduced.prior import PRIOR, ElasticPrior, probed_nodes
 from training.toy_block import block_mesh
 
 TISSUE = StableNeoHookean.from_young(25.4e-3, 0.45)
@@ -103,3 +103,20 @@ def test_a_low_rank_prior_keeps_its_stated_error(tmp_path, mesh, top, prior) -> 
     # Contact nodes are still exactly where they are put.
     moved = np.tile([0.0, -0.7, 0.0], (6, 1))
     assert_allclose(again.predict(top[3:9], moved)[top[3:9]], moved, atol=1e-5)
+
+
+def test_probed_nodes_are_those_of_whole_faces_that_begin_near_the_bones():
+    mesh = block_mesh().with_order(2)
+    margin = 3.0
+    found = probed_nodes(mesh, margin=margin)
+    bones = mesh.pressed_points[:, [0, 2]]
+    low, high = bones.min(axis=0) - margin, bones.max(axis=0) + margin
+    expected = set()
+    for corners, nodes in zip(mesh.points[mesh.skin_faces], mesh.skin_node_faces, strict=True):
+        normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
+        places = corners[:, [0, 2]]
+        near = (places.max(axis=0) >= low).all() and (places.min(axis=0) <= high).all()
+        if near and normal[1] > 0.0 and corners[:, 1].max() > mesh.target_points[:, 1].mean():
+            expected |= set(nodes.tolist())
+    assert set(found.tolist()) == {node for node in expected if not mesh.node_fixed[node]}
+    assert 0 < len(found) < len(np.unique(mesh.skin_node_faces))

@@ -81,10 +81,10 @@ class PriorContact:
         self._starts, self._balls = self.skin.balls(self._places, len(self._faces))
         edges = np.concatenate([self._faces[:, pair] for pair in _EDGES[self._faces.shape[1]]])
         _, first, count = np.unique(np.sort(edges[:, :2], axis=1), axis=0, return_index=True, return_counts=True)
-        self._rim = np.zeros(len(self.nodes), dtype=bool)
-        self._rim[edges[first[count == 1]]] = True
+        rim = edges[first[count == 1]]
         if goes_on is not None:
-            self._rim &= np.isin(self.nodes, goes_on)
+            rim = rim[np.isin(self.nodes[rim], goes_on).all(axis=1)]
+        self._beside_rim = _close(self._places, self.rest[rim[:, :2]], self.config.spacing)
 
     @staticmethod
     def of_prior(prior: ElasticPrior, config: PoseContactConfig | None = None) -> "PriorContact":
@@ -94,9 +94,12 @@ class PriorContact:
             prior.own_compliance, config, goes_on=_beyond(prior.mesh, prior.nodes),
         )
 
-    def at_the_rim(self, nodes: IntArray) -> bool:
-        """Whether one of some candidate nodes lies at the rim of the skin between the candidates."""
-        return bool(self._rim[np.searchsorted(self.nodes, nodes)].any())
+    def at_the_rim(self, contact: ContactPrediction) -> bool:
+        """Whether the probe pushes points so close to the rim of the candidates' skin that it may push others beyond.
+
+        Nodes tell less: each of a face carries force, wherever in the face the probe pushes.
+        """
+        return bool(self._beside_rim[contact.history.point].any())
 
     def field(self, probe: Probe) -> ProbeField:
         """The distance from a probe, as `solve` wants it."""
@@ -235,6 +238,16 @@ class PriorContact:
         translations = history.translations + share[:, None, None] * way
         translations[-1] = placed.translations
         return rotations, translations
+
+
+def _close(places: FloatArray, edges: FloatArray, distance: float) -> BoolArray:
+    """Which of some places (p, 3) lie within a distance of one of the edges (e, 2, 3) [mm], shape (p,)."""
+    found = np.zeros(len(places), dtype=bool)
+    for start, end in edges:
+        way = end - start
+        share = np.clip((places - start) @ way / max(float(way @ way), 1e-12), 0.0, 1.0)
+        found |= np.linalg.norm(places - start - share[:, None] * way, axis=1) <= distance
+    return found
 
 
 def candidate_faces(mesh: TissueMesh, nodes: IntArray) -> IntArray:

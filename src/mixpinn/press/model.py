@@ -233,7 +233,7 @@ class PoseModel:
         farthest = float(np.sqrt(np.einsum("ij,ij->i", displacement, displacement).max()))
         if not farthest <= 1.5 * contact.depths.max() + 2.0:
             outside.append(f"a node moves by {farthest:.0f} mm, farther than the probe pushes")
-        if self.contact.at_the_rim(contact.nodes):
+        if self.contact.at_the_rim(contact):
             outside.append("contact reaches the rim of the skin that was prepared")
         reasons = (*outside, *notes)
         if self.error is None:

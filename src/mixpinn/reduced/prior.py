@@ -81,22 +81,24 @@ class ContactSystem:
         return force
 
 
-def probed_nodes(mesh: TissueMesh, *, margin: float = 60.0) -> IntArray:
-    """Free skin nodes that a probe on the back may touch: those that face backwards, over the targets.
+def probed_nodes(mesh: TissueMesh, *, margin: float = 45.0) -> IntArray:
+    """Free skin nodes that a probe on the back may touch: those of faces that face backwards, over the bones.
+
+    A probe touches what lies within half its length of its tip, and a little beside it where it is tilted: of a linear
+    probe 29 mm and up to 7. Contact needs whole faces, so all nodes of a face that begins within the margin belong.
 
     Args:
         mesh: the mesh.
-        margin: how far beyond the targets' extent along x and z nodes still count [mm].
+        margin: how far beyond the pressed bones' extent along x and z faces still begin [mm].
     """
-    a, b, c = (mesh.points[mesh.skin_faces[:, corner]] for corner in range(3))
-    backwards = mesh.skin_node_faces[np.cross(b - a, c - a)[:, 1] > 0.0]
-    nodes = np.unique(backwards)
-    nodes = nodes[~mesh.node_fixed[nodes]]
-    rigid = mesh.target_points
-    low, high = rigid.min(axis=0) - margin, rigid.max(axis=0) + margin
-    points = mesh.node_points[nodes]
-    over = ((points >= low) & (points <= high))[:, [0, 2]].all(axis=1)
-    chosen: IntArray = nodes[over & (points[:, 1] > rigid[:, 1].mean())]
+    corners = mesh.points[mesh.skin_faces]
+    a, b, c = np.moveaxis(corners, 1, 0)
+    bones = mesh.pressed_points
+    low, high = bones.min(axis=0) - margin, bones.max(axis=0) + margin
+    over = ((corners.max(axis=1) >= low) & (corners.min(axis=1) <= high))[:, [0, 2]].all(axis=1)
+    above = corners[:, :, 1].max(axis=1) > mesh.target_points[:, 1].mean()
+    nodes = np.unique(mesh.skin_node_faces[over & above & (np.cross(b - a, c - a)[:, 1] > 0.0)])
+    chosen: IntArray = nodes[~mesh.node_fixed[nodes]]
     return chosen
 
 
