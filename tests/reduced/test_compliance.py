@@ -1,13 +1,16 @@
 """The compliance in factors against the whole one: transposed products, exact contact nodes, stated error, files."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
+from mixpinn.base.array_file import read_npy
 from mixpinn.fem import SuperLUSolver
 from mixpinn.reduced.basis import response_modes, unlike
 from mixpinn.reduced.build_prior import FactorConfig, build_prior
-from mixpinn.reduced.compliance import DenseCompliance, FactoredCompliance, PackedCompliance
+from mixpinn.reduced.compliance import DenseCompliance, FactoredCompliance, PackedCompliance, read_ahead
 from mixpinn.reduced.fit import HybridConfig, fit_hybrid
 from mixpinn.reduced.load_states import Footprints, draw_loads
 from mixpinn.reduced.prior import ElasticPrior
@@ -170,3 +173,13 @@ def test_a_packed_prior_is_saved_as_it_is_or_in_factors(mesh, packed, tmp_path):
     packed.save(tmp_path / "factors", tolerance=0.05)
     matrix, found = packed.compliance.dense().matrix, ElasticPrior.load(tmp_path / "factors", mesh).compliance.matrix
     assert np.linalg.norm(found - matrix) <= 0.05 * np.linalg.norm(matrix)
+
+
+def test_read_ahead_reads_what_is_mapped_and_leaves_everything_as_it_is(tmp_path: Path) -> None:
+    matrix = np.random.default_rng(0).normal(size=(12, 6000)).astype(np.float32)
+    for order in ("C", "F"):
+        np.save(tmp_path / "matrix.npy", np.asarray(matrix, order=order))
+        compliance = DenseCompliance(read_npy(tmp_path / "matrix.npy", mapped=True))
+        for one in (compliance, DenseCompliance(matrix), DenseCompliance(matrix[:0])):
+            read_ahead(one)
+        assert_array_equal(compliance.matrix, matrix)

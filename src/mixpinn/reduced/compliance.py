@@ -14,6 +14,7 @@ a scale: half the memory, and half the time to read it. That is off by at most h
 row's largest entry inside, for each force. Contact nodes and twists of parts stay as they are.
 """
 
+import mmap
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -96,6 +97,13 @@ class DenseCompliance:
             scale[row] = max(float(np.abs(values).max(initial=0.0)), 1e-30) / _LARGEST
             packed[:] = np.rint(values / scale[row])
         return PackedCompliance(numbers, scale, np.ascontiguousarray(self.matrix[:, unknowns]), unknowns)
+
+
+def read_ahead(compliance: "Compliance") -> None:
+    """Read now what lies in a mapped file and is read where an answer first needs it: a byte of each page is enough."""
+    for array in vars(compliance).values():
+        if isinstance(array, np.memmap):
+            array.ravel(order="K").view(np.uint8)[:: mmap.PAGESIZE].max(initial=0)
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,7 +2,6 @@
 
 import asyncio
 import socket
-import sys
 import threading
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -14,11 +13,9 @@ from mixpinn.server.app import make_app
 from mixpinn.server.gate import Door
 from mixpinn.server.http_protocol import AbortableProtocol, guarded_protocol
 from mixpinn.server.limits import Limits
+from mixpinn.server.prompt_threads import prompt_threads
 from mixpinn.server.service import Service
 from mixpinn.serving.load import AnyPredictor, load_predictor
-
-_SWITCH = 0.0005
-"""Who waits for Python's lock gets it after this time [s]: messages must not wait for predictions."""
 
 
 class LiveServer:
@@ -71,12 +68,10 @@ class LiveServer:
 
     def run(self, ready: Callable[[], None] | None = None) -> None:
         """Serve until interrupted, in the main thread; or until `stop` is called, in another."""
-        before = sys.getswitchinterval()
-        sys.setswitchinterval(_SWITCH)
         try:
-            asyncio.run(self._serve(ready))
+            with prompt_threads():
+                asyncio.run(self._serve(ready))
         finally:
-            sys.setswitchinterval(before)
             self.service.close()
             self._socket.close()
 

@@ -71,6 +71,7 @@ class Service:
             InputError: a network, or a bundle without contact from the pose.
         """
         self.predictor: HybridPredictor = checked_predictor(predictor)
+        self.predictor.read_ahead()
         self.scene = SceneFiles.of_predictor(self.predictor)
         self.limits, self.worker = limits or Limits(), PressWorker(threads)
         self.comparing = threading.Lock()

@@ -15,6 +15,7 @@ from mixpinn.geometry.probe_pose import probe_rotation
 from mixpinn.records import TissueMesh
 from mixpinn.records.answer import Answer, Contact, Source, Trust, discretisation_of
 from mixpinn.records.error_budget import ErrorBudget, TotalError
+from mixpinn.reduced.compliance import read_ahead
 from mixpinn.reduced.hybrid import POSE_FILE, HybridModel, HybridState, load_bundle_mesh
 from mixpinn.serving.bundle_budget import load_budget
 from mixpinn.serving.contact_input import checked_contact
@@ -92,6 +93,13 @@ class HybridPredictor:
                     predictor.press(back[back[:, 1].argmax()] - [0.0, 1.0, 0.0])
         predictor.loading_seconds = time.perf_counter() - began
         return predictor
+
+    def read_ahead(self) -> None:
+        """Read now what of the bundle is otherwise read where it is first needed.
+
+        Later answers do not wait for the disk then, and memory does not grow with the places that are pressed.
+        """
+        read_ahead(self.model.prior.compliance)
 
     @property
     def pressing(self) -> "PoseModel":

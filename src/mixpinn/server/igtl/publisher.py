@@ -16,7 +16,7 @@ from mixpinn.server.igtl.ras import RasFrame
 from mixpinn.server.igtl.skin import SkinSurface
 from mixpinn.server.igtl.string import StringBody
 from mixpinn.server.igtl.transform import TransformBody
-from mixpinn.serving.motions import motion_matrices
+from mixpinn.serving.motions import centroids, motion_matrices
 
 
 @dataclass(frozen=True)
@@ -55,6 +55,7 @@ class Publisher:
         self.devices = part_devices(mesh.rigid_names)
         self._mesh, self._spacing, self._version = mesh, spacing, version
         self._skin = SkinSurface(mesh, self.frame, most_points=skin_points)
+        self._centres = centroids(mesh)
         self._grid: DisplacementGrid | None = None
         self._makers: dict[str, Callable[[Frame], list[tuple[str, bytes]]]] = {
             "TRANSFORM": self._transforms, "NDARRAY": self._force, "STRING": self._trust, "POLYDATA": self._surface,
@@ -75,7 +76,7 @@ class Publisher:
 
     def _transforms(self, frame: Frame) -> list[tuple[str, bytes]]:
         motions = {} if frame.answer is None else frame.answer.motions
-        matrices = self.frame.motion(motion_matrices(self._mesh, motions))
+        matrices = self.frame.motion(motion_matrices(self._mesh, motions, centres=self._centres))
         return [
             (device, TransformBody(matrix).pack())
             for device, matrix in zip(self.devices.values(), matrices, strict=True)

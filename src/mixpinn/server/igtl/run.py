@@ -12,6 +12,7 @@ from mixpinn.server.igtl.devices import FORCE, GRID, PROBE_MODEL, PROBE_START, S
 from mixpinn.server.igtl.probe import probe_messages
 from mixpinn.server.igtl.publisher import Publisher
 from mixpinn.server.igtl.stream import Stream, StreamConfig
+from mixpinn.server.prompt_threads import prompt_threads
 from mixpinn.serving.live import Friction, LiveSession
 from mixpinn.serving.live.session import MOST_PROBES
 
@@ -57,6 +58,7 @@ def stream_bundle(
     _check(settings)
     session = LiveSession.open(bundle, friction=settings.friction)
     try:
+        session.predictor.read_ahead()
         publisher = Publisher(
             session.predictor.mesh, skin_points=settings.skin_points, spacing=settings.grid_spacing,
             version=settings.version,
@@ -70,7 +72,8 @@ def stream_bundle(
             )
         for line in _devices(publisher, settings):
             say(line)
-        asyncio.run(_run(session, publisher, settings, say))
+        with prompt_threads():
+            asyncio.run(_run(session, publisher, settings, say))
     finally:
         session.close()
 

@@ -4,7 +4,7 @@ import asyncio
 import itertools
 import time
 from collections import OrderedDict
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Container, Sequence
 from dataclasses import dataclass
 
 from mixpinn.geometry.probe_pose import ProbePose
@@ -22,6 +22,8 @@ from mixpinn.serving.live import LiveAnswer, LiveSession, Refusal
 
 _FASTEST = {"POLYDATA": 1.0 / 60.0, "IMAGE": 0.1}
 """Large messages are not made more often than this, whatever a peer asks for [s]."""
+_URGENT = ("TRANSFORM",)
+"""Types that are on their way before the others are made: navigation waits for them."""
 _REMEMBERED = 1024
 
 
@@ -174,16 +176,21 @@ class Stream:
         for peer, paces in self._peers.items():
             for pace in paces.values():
                 pace.stale = True
+            self._send_to(peer, _URGENT)
+        self._loop.call_soon(self._send_rest)  # whoever sends was woken before
+
+    def _send_rest(self) -> None:
+        for peer in self._peers:
             self._send_to(peer)
 
-    def _send_to(self, peer: Peer) -> None:
-        """Put what a peer wants and what is due into its outbox, and come back for the rest."""
+    def _send_to(self, peer: Peer, kinds: Container[str] | None = None) -> None:
+        """Put what a peer wants and what is due into its outbox, and come back for the rest; `kinds` or all."""
         paces = self._peers.get(peer)
         if paces is None:
             return
         now, later = self._loop.time(), []
         for kind, pace in paces.items():
-            if not pace.wanted():
+            if not pace.wanted() or (kinds is not None and kind not in kinds):
                 continue
             if now < pace.due:
                 later.append(pace.due)
