@@ -53,6 +53,17 @@ def test_a_body_without_rigid_parts_has_a_field():
     np.testing.assert_allclose(length, [5.0, 20.0], atol=1.0)
 
 
+def test_edges_are_short_along_the_border_of_the_held_skin():
+    """A ball of radius 60 is held up to 30 mm behind its foremost point: the border is the circle y = −30."""
+    surfaces = extract_surfaces(ball_label_map(voxel=2.0, radius=60.0))
+    field = SizingField(surfaces, Grading(probed=20.0, rigid=20.0, elsewhere=20.0, fixed=3.0, growth=0.5))
+    angle = np.linspace(0.0, np.pi, 7)  # the half with z above 0; the poles z = ±60 stand for the caps
+    border = 52.0 * np.stack([np.cos(angle), np.full(7, -30.0 / 52.0), np.sin(angle)], axis=1)
+    np.testing.assert_allclose(field(border), 3.0, atol=1.0)
+    np.testing.assert_allclose(field(border + [0.0, 20.0, 0.0]), 13.0, atol=1.5)
+    assert field(np.array([[0.0, -60.0, 0.0]]))[0] > 15.0
+
+
 def test_scaled_lengths_only():
     twice = GRADING.scaled(2.0)
     assert (twice.probed, twice.rigid, twice.elsewhere, twice.distance) == (10.0, 8.0, 40.0, 2.5)
