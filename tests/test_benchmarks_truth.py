@@ -24,7 +24,7 @@ def test_errors_are_taken_from_the_extrapolated_solution():
         (truth.level_of(20.0), 0): press(12.1, 2.42), (truth.level_of(10.0), 0): press(11.1, 2.22),
         ("linear", 1): press(20.0, 3.0),  # no reference at this pose
     }
-    result = truth.report(found, [20.0, 14.0, 10.0, 7.0])
+    result = truth.report(found, [20.0, 14.0, 10.0, 7.0], order=1.0, rest=None)
     assert result["poses"] == 1
     assert result["reference"] == truth.extrapolation_of(7.0)
     rows, uncertainty = result["rows"], result["uncertainty"]
@@ -37,6 +37,21 @@ def test_errors_are_taken_from_the_extrapolated_solution():
     assert rows[truth.level_of(7.0)]["force"] == pytest.approx(0.07)
     assert uncertainty["force"] == pytest.approx(0.01)
     assert uncertainty["field_mm"] == pytest.approx(0.02)
+
+
+def test_what_halving_all_other_edges_changes_belongs_to_the_reference():
+    # Under the probe errors fall with the square of the edge: 14 and 7 find 10 N and 2 mm; the rest takes 1 N off.
+    found = {
+        (truth.level_of(14.0), 0): press(10.4, 2.08), (truth.level_of(7.0), 0): press(10.1, 2.02),
+        (truth.level_of(10.0), 0): press(10.3, 2.05), (truth.rest_of(10.0), 0): press(9.3, 2.25),
+        ("linear", 0): press(18.0, 3.2),
+    }
+    result = truth.report(found, [14.0, 10.0, 7.0], order=2.0, rest=10.0)
+    assert result["rows"]["linear"]["force"] == pytest.approx(1.0)
+    assert result["rows"]["linear"]["vertebra_mm"] == pytest.approx(1.0)
+    assert result["rest"]["force"] == pytest.approx(1.0 / 9.0)
+    assert result["rest"]["vertebra_mm"] == pytest.approx(0.2)
+    assert result["uncertainty"]["force"] is None
 
 
 def test_presses_survive_the_cache(tmp_path):

@@ -50,8 +50,16 @@ def errors(values: Data) -> str:
         f"; the next pair of lengths tends to values up to {100 * unsure['force']:.1f} % of the force and "
         f"{unsure['vertebra_mm']:.3f} mm of a vertebra's motion away from it, its uncertainty"
     )
+    rest = values.get("rest", {"poses": 0})
+    if rest["poses"]:
+        doubt += (
+            f". Halving all other edges too changes the force by up to {100 * rest['force']:.1f} %, a vertebra's "
+            f"motion by {rest['vertebra_mm']:.3f} mm and the mean field by {rest['field_mm']:.3f} mm (solved for "
+            f"{rest['poses']:.0f} pose(s), there part of the reference)"
+        )
+    tool = f" with the {values['probe']}, order {values['order']:g}" if "probe" in values else ""
     return (
-        f"Against {values['reference']}, over {values['poses']} pose(s){doubt}:\n\n"
+        f"Against {values['reference']}{tool}, over {values['poses']} pose(s){doubt}:\n\n"
         + table(("Cells", "Force [%]", "Vertebra [mm]", "Field, mean [mm]"), rows)
     )
 
@@ -62,8 +70,8 @@ def render(data: Data) -> str:
         "## How far the solver is from the converged solution\n",
         "Command: `python -m benchmarks.truth --mesh MESH` on patient1, tissue constants of the paper, forces in N; "
         "*halved* is the same mesh with every edge halved; *edges of h mm* are quadratic cells refined under the probe "
-        "until no edge there is longer; all on the same facets. The error falls with h, so that two lengths tell what "
-        "they tend to. A dash is a depth that was not reached.\n",
+        "until no edge there is longer; all on the same facets. The error falls with a power of h that the tool's "
+        "edges decide, so that two lengths tell what they tend to. A dash is a depth that was not reached.\n",
     ]
     for words, values in data["meshes"].items():
         lines += [f"### {words}\n", errors(values), forces(values)]

@@ -60,8 +60,8 @@ def test_edges_are_short_along_the_border_of_the_held_skin():
     angle = np.linspace(0.0, np.pi, 7)  # the half with z above 0; the poles z = ±60 stand for the caps
     border = 52.0 * np.stack([np.cos(angle), np.full(7, -30.0 / 52.0), np.sin(angle)], axis=1)
     np.testing.assert_allclose(field(border), 3.0, atol=1.0)
-    np.testing.assert_allclose(field(border + [0.0, 20.0, 0.0]), 13.0, atol=1.5)
-    assert field(np.array([[0.0, -60.0, 0.0]]))[0] > 15.0
+    np.testing.assert_allclose(field(border + np.array([0.0, 20.0, 0.0])), 13.0, atol=1.5)
+    assert field(np.array([[0.0, -60.0, 0.0]])).item() > 15.0
 
 
 def test_scaled_lengths_only():
