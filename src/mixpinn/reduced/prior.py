@@ -16,13 +16,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import scipy.linalg
 
 from mixpinn.base.arrays import AnyArray, Float32Array, FloatArray, IntArray
 from mixpinn.base.errors import InputError
 from mixpinn.base.files import atomic_path, write_json
 from mixpinn.base.manifest import Artefact
 from mixpinn.base.validated import ArraySpec, load_arrays, load_record
+from mixpinn.physics.cholesky import cholesky_in_place, cholesky_solve
 from mixpinn.physics.restraints import FREE, Restraints
 from mixpinn.records import TissueMesh
 from mixpinn.records.answer import discretisation_of
@@ -66,18 +66,16 @@ class ContactSystem:
         self.rows, self.unknowns, self._own = rows, unknowns, own
 
     @cached_property
-    def _factor(self) -> tuple[FloatArray, bool]:
-        block = block_of(self._own, self.rows)
-        factor: tuple[FloatArray, bool] = scipy.linalg.cho_factor(
-            block, lower=True, overwrite_a=True, check_finite=False,
-        )
-        return factor
+    def _factor(self) -> FloatArray:
+        lower: FloatArray = block_of(self._own, self.rows)
+        if not cholesky_in_place(lower):
+            raise np.linalg.LinAlgError("the compliance of the contact nodes is not positive definite")
+        return lower
 
     def solve(self, displacement: AnyArray) -> FloatArray:
         """Forces [N], shape (3 l,), that displace the nodes by `displacement` [mm], shape (3 l,)."""
-        force: FloatArray = scipy.linalg.cho_solve(
-            self._factor, np.asarray(displacement, dtype=np.float64), check_finite=False,
-        )
+        force = np.array(displacement, dtype=np.float64)
+        cholesky_solve(self._factor, force)
         return force
 
 
