@@ -3,7 +3,9 @@
 import asyncio
 import contextlib
 import json
+import socket
 import struct
+import threading
 
 import numpy as np
 import pytest
@@ -76,6 +78,36 @@ def test_a_pose_is_answered_with_the_prediction_in_ras(predictor):
     assert json.loads(StringBody.unpack(sent["Trust"]).text)["sound"] == answer.trust.sound
     lengths = np.linalg.norm(answer.displacement[np.unique(predictor.mesh.skin_faces)], axis=1)
     np.testing.assert_allclose(PolyDataBody.unpack(sent["Skin"]).attributes["displacement_mm"], lengths, atol=1e-4)
+
+
+def test_transforms_have_left_before_anything_else_is_made(predictor):
+    came, in_time = threading.Event(), []
+
+    class Waiting(Publisher):
+        def messages(self, kind, frame):
+            if kind != "TRANSFORM" and frame.timestamp == 7:
+                in_time.append(came.wait(20.0))  # the loop stands still meanwhile
+            return super().messages(kind, frame)
+
+    def peer(port):
+        wanted = Message("TRANSFORM", "L2", bytes(48), 7).pack()[2:42]  # type, device, timestamp
+        with socket.create_connection(("127.0.0.1", port)) as line:
+            matrix = publisher.frame.probe_from_world(above().rotation, above().translation)
+            line.sendall(Message("TRANSFORM", "Probe", TransformBody(matrix).pack(), 7).pack())
+            data = b""
+            while wanted not in data:
+                data += line.recv(65536)
+            came.set()
+
+    async def play():
+        async with _serving(predictor, publisher=publisher) as port:
+            await asyncio.to_thread(peer, port)
+            while not in_time:
+                await asyncio.sleep(0.01)
+
+    publisher = Waiting(predictor.mesh)
+    asyncio.run(play())
+    assert in_time[0]
 
 
 def test_what_is_asked_for_is_sent(predictor):
