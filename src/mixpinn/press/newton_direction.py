@@ -83,9 +83,9 @@ def _by_points(compliance, contacts, slope, pushed, error, change, move):  # typ
                 for j in range(m):
                     row[j] += w0 * row0[j]
             rhs[3 * k + r] = dot(row, error)
-    for a in range(size):
-        row, into = answers[a], matrix[a]
-        for k in range(len(pushed)):
+    for a in range(size):  # S, which is symmetric
+        row = answers[a]
+        for k in range(a // 3, len(pushed)):
             c = pushed[k]
             s0 = s1 = s2 = 0.0
             for i in range(width):
@@ -93,6 +93,13 @@ def _by_points(compliance, contacts, slope, pushed, error, change, move):  # typ
                 s0 += w * row[at]
                 s1 += w * row[at + 1]
                 s2 += w * row[at + 2]
+            matrix[a, 3 * k] = matrix[3 * k, a] = s0
+            matrix[a, 3 * k + 1] = matrix[3 * k + 1, a] = s1
+            matrix[a, 3 * k + 2] = matrix[3 * k + 2, a] = s2
+    for a in range(size):  # 1 + S D
+        into = matrix[a]
+        for k in range(len(pushed)):
+            c, s0, s1, s2 = pushed[k], into[3 * k], into[3 * k + 1], into[3 * k + 2]
             for q in range(3):
                 into[3 * k + q] = s0 * slope[c, 0, q] + s1 * slope[c, 1, q] + s2 * slope[c, 2, q]
         into[a] += 1.0

@@ -6,6 +6,7 @@ import numba
 import numpy as np
 
 from mixpinn.base.arrays import FloatArray, IntArray
+from mixpinn.physics.elimination import symmetric_times
 from mixpinn.press.near_points import SLACK, followed_points, largest_weight, look_ahead, missed_points
 from mixpinn.press.probe_field import FAR
 from mixpinn.press.step_kernel import Contacts, solve_step
@@ -237,16 +238,9 @@ def _place_nodes(x, local, rotation, translation, placed):  # type: ignore[no-un
                 placed[i, r] = rotation[0, r] * x0 + rotation[1, r] * x1 + rotation[2, r] * x2
 
 
-@numba.njit(cache=True, nogil=True, fastmath=True)
+@numba.njit(cache=True, nogil=True)
 def _positions(rest, shift, compliance, force):  # type: ignore[no-untyped-def]
     """Nodes under forces: rest + shift − W λ, (n, 3)."""
-    n = len(rest)
-    x = rest + shift
-    loaded = np.flatnonzero(force)
-    for i in range(n):
-        for r in range(3):
-            row, total = compliance[3 * i + r], 0.0
-            for j in range(len(loaded)):
-                total += row[loaded[j]] * force[loaded[j]]
-            x[i, r] -= total
-    return x
+    moved = np.empty(len(force))
+    symmetric_times(compliance, force, moved)
+    return rest + shift - moved.reshape(len(rest), 3)
