@@ -84,7 +84,7 @@ class PriorContact:
         rim = edges[first[count == 1]]
         if goes_on is not None:
             rim = rim[np.isin(self.nodes[rim], goes_on).all(axis=1)]
-        self._beside_rim = _close(self._places, self.rest[rim[:, :2]], self.config.spacing)
+        self._beside_rim = _close(self._places, self.rest[rim[:, :2]], 0.5 * self.config.spacing)
 
     @staticmethod
     def of_prior(prior: ElasticPrior, config: PoseContactConfig | None = None) -> "PriorContact":
