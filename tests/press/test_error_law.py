@@ -19,7 +19,7 @@ def test_an_exact_law_is_found() -> None:
     signs, errors = answers(200, 0, spread=0.0)
     law = PoseErrorLaw.fit(signs, errors, np.arange(200) // 10, penalty=1e-9)
     assert_allclose([law.expected(sign) for sign in signs], errors, rtol=1e-6)
-    assert_allclose(law.factor, 1.0 + 0.8 / np.sqrt(20.0), rtol=1e-6)
+    assert_allclose(law.factor, 1.0 + 0.3 / np.sqrt(20.0), rtol=1e-6)
 
 
 def test_bounds_cover_new_answers_and_are_not_wide() -> None:

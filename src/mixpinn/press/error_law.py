@@ -19,7 +19,7 @@ TARGETS = ("field", "force", "motion")
 """What errors are told of: field [mm], force [N], motion of the rigid parts [mm]."""
 _FLOOR = 1e-6
 _HIGHEST_RANK = 0.975
-_FEW = 0.8
+_FEW = 0.3
 """Answers at one position err alike: from few positions a quantile is uncertain by about this over their root."""
 
 
