@@ -15,7 +15,7 @@ Two fields of edge lengths, one q times the other everywhere, tell more than eit
 Under the rim of a sharp tool the displacement of the skin goes like the root of the distance r from the rim, as under a
 punch with an edge, and its gradient like 1/√r. What cells of size h cannot follow there has an energy of about
 ∫₀ʰ (1/√r)² r dr = h: p = 1, whatever the order of the cells. Under a rounded edge the gradient is bounded, and what is
-missed is missed at the border of contact, where pressure starts like a root: p is 2 or a little more. `rim_order` tells
+missed is missed at the border of contact, where pressure starts like a root: p is about 2. `rim_order` tells
 which of them a tool has; how well it holds on a patient is measured by ``python -m benchmarks.truth``.
 """
 
@@ -30,6 +30,7 @@ from mixpinn.mesh.cells.bisect import refine_to
 from mixpinn.mesh.meshers.grading import surface_points
 from mixpinn.mesh.surfaces.surface import Surface
 from mixpinn.records import Probe, ProbePath, TissueMesh
+from mixpinn.records.probe_valleys import turns
 
 _SPACING = 2.0
 """Of the points on the skin that tell how far up it reaches beside a probe [mm]."""
@@ -90,18 +91,9 @@ class LocalRefinement:
 
 def rim_order(probe: Probe) -> float:
     """Order p in the edge length with which the error of cells under a tool falls: 1 for sharp edges, 2 for rounded."""
-    corners = probe.points[probe.triangles]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
-    ends = np.sort(np.stack([probe.triangles, np.roll(probe.triangles, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
-    order = np.lexsort(ends.T)
-    twin = (ends[order[1:]] == ends[order[:-1]]).all(axis=1)
-    one, other, edge = order[:-1][twin] // 3, order[1:][twin] // 3, ends[order[:-1][twin]]
-    turned = (normals[one] * normals[other]).sum(axis=1) < np.cos(np.radians(_SHARP))
-    away = corners[other].mean(axis=1) - corners[one].mean(axis=1)
-    ridge = (away * normals[one]).sum(axis=1) < 0.0
-    low = probe.points[edge, 1].max(axis=1) <= probe.points[:, 1].min() + _LOWEST
-    return 1.0 if (turned & ridge & low).any() else 2.0
+    at = turns(probe.points, probe.triangles)
+    sharp = ~at.concave & (at.angle > _SHARP) & (at.height <= probe.points[:, 1].min() + _LOWEST)
+    return 1.0 if sharp.any() else 2.0
 
 
 def refine_under(mesh: TissueMesh, probe: Probe, path: ProbePath, config: LocalRefinement) -> TissueMesh:

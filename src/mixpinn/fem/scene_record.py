@@ -110,7 +110,10 @@ def recorded_restraints(record: Mapping[str, Any], where: str) -> Restraints:
 def recorded_refinement(record: Mapping[str, Any]) -> LocalRefinement | None:
     """How cells were refined under the probe; None where they were not."""
     entry = record.get("refinement")
-    if not isinstance(entry, Mapping):
-        return None
+    return refinement_of(entry) if isinstance(entry, Mapping) else None
+
+
+def refinement_of(entry: Mapping[str, Any]) -> LocalRefinement:
+    """The refinement that a scene's record or a bundle holds."""
     entry = {"order": 1.0} | {key: value for key, value in entry.items() if key != KIND}  # it was always 1 once
     return build_config(LocalRefinement, entry)

@@ -22,13 +22,9 @@ from dataclasses import dataclass
 
 import numba
 import numpy as np
-import scipy.sparse as sp
 
 from mixpinn.base.arrays import FloatArray, IntArray
 from mixpinn.physics.elimination import dot, solve_in_place, symmetric_times
-
-_MANY = 100
-"""Above so many touched unknowns BLAS is faster than a compiled loop."""
 
 ContactLaw = Callable[[FloatArray, bool], tuple[FloatArray, FloatArray, IntArray]]
 """g(y, exact): forces (m,), stiffness among the touched unknowns (a, a), and these, (a,).
@@ -218,31 +214,10 @@ def _direction(
     compliance: FloatArray, error: FloatArray, stiffness: FloatArray, touched: IntArray,
 ) -> tuple[FloatArray, FloatArray, float]:
     """Newton's dy and dλ, and the slope dyᵀ (g − λ), NaN where there is no such step."""
-    if len(touched) > _MANY:
-        return _direction_of_many(compliance, error, stiffness, touched)
     change, back = np.empty_like(error), np.empty_like(error)
     regular = newton_step(compliance, error, np.ascontiguousarray(stiffness), touched, change, back)
     move = -back
     return move, change, float(move @ error) if regular else np.nan
-
-
-def _direction_of_many(
-    compliance: FloatArray, error: FloatArray, stiffness: FloatArray, touched: IntArray,
-) -> tuple[FloatArray, FloatArray, float]:
-    """`_direction` by BLAS, which is faster where a lot of skin is touched."""
-    sparse, rest, rhs = sp.csr_matrix(stiffness), error.copy(), error[touched]
-    rest[touched] = 0.0
-    if rest.any():
-        rhs = rhs - sparse @ (compliance[touched] @ rest)
-    matrix = sparse @ compliance[np.ix_(touched, touched)]
-    matrix[np.diag_indices_from(matrix)] += 1.0
-    change = error.copy()
-    try:
-        change[touched] = np.linalg.solve(matrix, rhs)
-    except np.linalg.LinAlgError:
-        return -_times(compliance, change), change, np.nan
-    move = -_times(compliance, change)
-    return move, change, float(move @ error)
 
 
 def _line_search(

@@ -1,13 +1,15 @@
-"""Valleys: concave edges of a probe that skin may lie against.
+"""Edges of a probe: valleys that skin may lie against, and sharp ridges.
 
 In a valley the nearest place of the probe jumps from one side to the other, and with it the direction of contact, by
 the angle between the two faces. Contact that sits there may have no equilibrium at all: on either side, it is pushed
 to the other.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
-from mixpinn.base.arrays import FloatArray, IntArray
+from mixpinn.base.arrays import BoolArray, FloatArray, IntArray
 
 SHALLOW = 2.0
 """Valleys up to this deep are as good as flat [degree]: a curved face that was cut into triangles may have them."""
@@ -17,8 +19,24 @@ _UP = 0.3
 """Faces whose unit normal has more than this along y look away from the skin."""
 
 
-def valleys(points: FloatArray, triangles: IntArray) -> FloatArray:
-    """Angles between the faces at the concave edges that may touch skin [degree], largest first, shape (e,).
+class Turns(NamedTuple):
+    """How the surface turns at each edge of two faces.
+
+    Attributes:
+        angle: between the faces [degree], shape (e,).
+        concave: whether it turns towards its outer side, shape (e,).
+        height: of the edge's upper end [mm], shape (e,).
+        facing: y of the unit normal of the face that looks down more, shape (e,).
+    """
+
+    angle: FloatArray
+    concave: BoolArray
+    height: FloatArray
+    facing: FloatArray
+
+
+def turns(points: FloatArray, triangles: IntArray) -> Turns:
+    """How the surface of a probe turns at its edges.
 
     Args:
         points: vertices of the probe, which points to −y [mm], shape (p, 3).
@@ -41,9 +59,20 @@ def valleys(points: FloatArray, triangles: IntArray) -> FloatArray:
     start, end = start[once], end[once]
     rise = np.einsum("ek,ek->e", normals[first], points[other] - points[start])
     angle = np.rad2deg(np.arccos(np.clip(np.einsum("ek,ek->e", normals[first], normals[second]), -1.0, 1.0)))
-    low = np.maximum(points[start, 1], points[end, 1]) <= points[:, 1].min() + _HIGH
-    met = low & (np.minimum(normals[first, 1], normals[second, 1]) < _UP)
-    found: FloatArray = np.sort(angle[(rise > 0.0) & met & (angle > SHALLOW)])[::-1]
+    height = np.maximum(points[start, 1], points[end, 1])
+    return Turns(angle, rise > 0.0, height, np.minimum(normals[first, 1], normals[second, 1]))
+
+
+def valleys(points: FloatArray, triangles: IntArray) -> FloatArray:
+    """Angles between the faces at the concave edges that may touch skin [degree], largest first, shape (e,).
+
+    Args:
+        points: vertices of the probe, which points to −y [mm], shape (p, 3).
+        triangles: that face alike, shape (t, 3).
+    """
+    at = turns(points, triangles)
+    met = (at.height <= points[:, 1].min() + _HIGH) & (at.facing < _UP)
+    found: FloatArray = np.sort(at.angle[at.concave & met & (at.angle > SHALLOW)])[::-1]
     return found
 
 

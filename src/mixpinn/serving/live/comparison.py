@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 
 from mixpinn.base.arrays import FloatArray
-from mixpinn.base.config import build_config
 from mixpinn.base.errors import InputError, MixpinnError, SolveError
 from mixpinn.geometry.probe_pose import ProbePose
 from mixpinn.physics.restraints import FREE, Restraints
@@ -150,7 +149,8 @@ def solve_fully(setup: Setup, on_step: Callable[[int, int], None] | None = None)
         setup: what is pressed with what, and where to.
         on_step: called with how many steps are done, and of how many.
     """
-    from mixpinn.fem import ContactConfig, LocalRefinement, Scene, StableNeoHookean
+    from mixpinn.fem import ContactConfig, Scene, StableNeoHookean
+    from mixpinn.fem.scene_record import refinement_of
     from mixpinn.fem.solve.pose import solve_pose
     from mixpinn.records import Probe
 
@@ -163,7 +163,7 @@ def solve_fully(setup: Setup, on_step: Callable[[int, int], None] | None = None)
         tuple(StableNeoHookean(mu=mu, lam=lam) for mu, lam in zip(setup.mu, setup.lam, strict=True)),
         ContactConfig(gap=setup.gap, friction=setup.friction), joints=setup.restraints.joints,
         foundations=setup.restraints.foundations, membrane=setup.restraints.membrane,
-        refinement=None if setup.refinement is None else build_config(LocalRefinement, setup.refinement),
+        refinement=None if setup.refinement is None else refinement_of(setup.refinement),
     )
     found = solve_pose(scene, first.translation, first.rotation, on_step=on_step)
     return found if len(setup.poses) == 1 else _shared(found, setup)

@@ -7,12 +7,12 @@ from functools import partial
 import numpy as np
 
 from mixpinn.anatomy.mixture import mixed_parts
-from mixpinn.base.config import build_config
 from mixpinn.base.errors import InputError
 from mixpinn.base.sensible import require_settings
 from mixpinn.fem import LocalRefinement, Material, Scene, StableNeoHookean
 from mixpinn.fem.contact.model import ContactConfig
 from mixpinn.fem.material.mixed import mean_material
+from mixpinn.fem.scene_record import refinement_of
 from mixpinn.fem.solve.quasi_static import SolverConfig
 from mixpinn.geometry.probe_pose import PATH_STEP
 from mixpinn.mesh import FixedRegion, fixed_nodes, refine
@@ -94,7 +94,7 @@ def base_scene(predictor: HybridPredictor, config: BudgetConfig) -> Scene:
         ContactConfig(gap=pose.contact.config.gap, friction=pose.contact.config.friction),
         SolverConfig(threads=config.threads), joints=restraints.joints, foundations=restraints.foundations,
         membrane=restraints.membrane,
-        refinement=None if model.refinement is None else build_config(LocalRefinement, model.refinement),
+        refinement=None if model.refinement is None else refinement_of(model.refinement),
     )
 
 
