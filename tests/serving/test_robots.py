@@ -1,5 +1,6 @@
 """For robots and learners: many poses at once, the depth that feels a force, how the wrench changes with the pose."""
 
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import replace
 
 import numpy as np
@@ -9,6 +10,9 @@ from numpy.testing import assert_allclose, assert_array_equal
 from mixpinn.base.errors import InputError, SolveError
 from mixpinn.geometry.probe_pose import probe_rotation
 from mixpinn.geometry.rotations import rotation_from_vector
+from mixpinn.serving import many_poses
+from mixpinn.serving.forked_poses import FEWEST, Refusal, may_fork, predict_forked
+from mixpinn.serving.many_poses import press_many
 from serving.live.pressed import UP, above, block_predictor
 
 
@@ -28,6 +32,38 @@ def test_many_poses_are_answered_as_one_is(pressing, threads) -> None:
         assert_array_equal(found.displacement, alone.displacement)
         assert_array_equal(found.force, alone.force)
         assert found.trust == alone.trust
+
+
+def test_processes_answer_as_one_does_and_name_the_pose_that_is_refused(pressing) -> None:
+    if not may_fork(1000, 2):
+        pytest.skip("other threads run, or the system is no Linux: threads share the poses instead")
+    rng = np.random.default_rng(0)
+    places = rng.uniform([10, 10, 0.5], [30, 30, 5.0], (2 * FEWEST, 3))
+    tips, turn = np.array([above(x, z, d).translation for x, z, d in places]), probe_rotation(30.0)
+    begin = pressing.press(tips[0], rotation=turn).history
+    turns = np.tile(turn, (len(tips), 1, 1))
+    for history in (None, begin):
+        many = predict_forked(pressing.pose, tips, turns, history=history, workers=2)
+        for tip, found in zip(tips, many, strict=True):
+            alone = pressing.press(tip, rotation=turn, history=history)
+            assert_array_equal(found.displacement, alone.displacement)
+            assert_array_equal(found.wrench[0, :3], alone.force)
+            assert found.trust == alone.trust
+    tips[-1] = np.nan
+    assert isinstance(predict_forked(pressing.pose, tips, turns, history=None, workers=2)[-1], Refusal)
+    with pytest.raises(InputError, match=rf"pose {len(tips) - 1}: .*finite"):
+        press_many(pressing, tips, rotations=turns)
+
+
+def test_a_process_that_is_ended_leaves_the_work_to_threads(pressing, monkeypatch) -> None:
+    def ended(*_: object, **__: object) -> list[Refusal]:
+        raise BrokenProcessPool
+
+    monkeypatch.setattr(many_poses, "may_fork", lambda *_: True)
+    monkeypatch.setattr(many_poses, "predict_forked", ended)
+    tips = np.array([above(20.0, 20.0, depth).translation for depth in (1.0, 2.0)])
+    many = press_many(pressing, tips)
+    assert [float(found.force[1]) for found in many] == [float(pressing.press(tip).force[1]) for tip in tips]
 
 
 def test_a_pose_that_is_refused_is_named(pressing) -> None:

@@ -165,7 +165,8 @@ class PriorContact:
             near |= (history.force != 0.0).any(axis=1)[self._faces].any(axis=1)
         session = self._session(placed, np.flatnonzero(near), depths, history)
         if history is None:
-            return session.go(self._path_down(placed, depths))
+            way = self._path_down(placed, depths)
+            return replace(session, way=way).go(way)
         return session.go(self._path_from(history, placed))
 
     def _session(

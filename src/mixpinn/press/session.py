@@ -32,6 +32,8 @@ class ContactSession:
         push: normal forces [N], shape (k, p).
         pull: forces of the probes on the points [N], shape (k, p, 3).
         converged, iterations: of all solves so far.
+        way: placements from first touch to where the probes are, or None where they came from a history.
+        lost: whether a step found no equilibrium even without friction; the state is that before it.
     """
 
     contact: "PriorContact"
@@ -49,6 +51,8 @@ class ContactSession:
     pull: FloatArray
     converged: bool
     iterations: int
+    way: tuple[FloatArray, FloatArray] | None = None
+    lost: bool = False
 
     @property
     def nodes(self) -> IntArray:
@@ -70,7 +74,20 @@ class ContactSession:
         )
         stiffness = self.contact.config.stiffness * self.contact.skin.area[self.points]
         session = replace(self, lead=self.push / stiffness)
-        return session.go(still, self.shift + share[:, None, None] * (shift - self.shift))
+        moved = session.go(still, self.shift + share[:, None, None] * (shift - self.shift))
+        if moved.converged or not self.converged or self.way is None:
+            return moved
+        down = session._down_again(self.way, shift)
+        return down if down.converged else moved
+
+    def _down_again(self, way: tuple[FloatArray, FloatArray], shift: FloatArray) -> "ContactSession":
+        """Along the whole way from first touch, while the patch without contact moves from rest to `shift`."""
+        nothing = replace(
+            self, placed=replace(self.placed, rotations=way[0][0], translations=way[1][0]),
+            shift=np.zeros_like(shift), force=np.zeros_like(self.force), slip=np.zeros_like(self.slip),
+            push=np.zeros_like(self.push), pull=np.zeros_like(self.pull),
+        )
+        return nothing.go(way, np.linspace(0.0, 1.0, len(way[0]))[:, None, None] * shift)
 
     def go(self, path: "tuple[FloatArray, ...]", shifts: FloatArray | None = None) -> "ContactSession":
         """Follow placements, (s + 1, k, 3, 3) and (s + 1, k, 3), and shifts, (s + 1, n, 3), that begin here."""
@@ -80,7 +97,7 @@ class ContactSession:
             shifts = np.repeat(self.shift[None], steps + 1, axis=0)
         session = self
         at = 0
-        while at < steps and len(self.points):
+        while at < steps and len(self.points) and not session.lost:
             way = rotations[at:], translations[at:]
             session, done = session._steps(way, shifts[at:], self.contact.config.friction)
             at += done
@@ -96,7 +113,7 @@ class ContactSession:
         rotations, translations = path
         if not cuts:
             session, done = self._steps(path, shifts, 0.0)
-            return replace(session if done else self, converged=False)
+            return replace(session if done else self, converged=False, lost=not done)
         half = vector_from_rotation(rotations[1] @ rotations[0].transpose(0, 2, 1)) / 2.0
         middle = rotation_from_vector(half) @ rotations[0]
         rotations = np.stack([rotations[0], middle, rotations[1]])
@@ -108,6 +125,8 @@ class ContactSession:
             session, done = session._steps(way, shifts[part], self.contact.config.friction)
             if not done:
                 session = session._divided(way, shifts[part], cuts - 1)
+            if session.lost:
+                break
         return session
 
     def _steps(

@@ -1,9 +1,14 @@
 """What a prediction is made from: the contact nodes and their displacement, checked."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from mixpinn.base.arrays import AnyArray, Float32Array, IntArray
 from mixpinn.base.errors import InputError
+
+if TYPE_CHECKING:
+    from mixpinn.press.records import ContactHistory
 
 _LARGEST = 1000.0
 """Displacement that no skin has [mm]; far beyond it single precision has no numbers left."""
@@ -73,3 +78,21 @@ def spread(nodes: IntArray, displacements: Float32Array, *, n_nodes: int) -> Flo
     field = np.zeros((n_nodes, 3), dtype=np.float32)
     field[nodes] = displacements
     return field
+
+
+def checked_history(history: object | None) -> "ContactHistory | None":
+    """The history of an answer, as `press` takes it.
+
+    Raises:
+        InputError: something else.
+    """
+    if history is None:
+        return None
+    from mixpinn.press.records import ContactHistory
+
+    if not isinstance(history, ContactHistory):
+        raise InputError(
+            "history", expected="that of this predictor's answer", got=type(history).__name__,
+            fix="hand over the history of an answer of the same predictor",
+        )
+    return history

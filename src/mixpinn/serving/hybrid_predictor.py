@@ -18,7 +18,7 @@ from mixpinn.records.error_budget import ErrorBudget, TotalError
 from mixpinn.reduced.compliance import read_ahead
 from mixpinn.reduced.hybrid import POSE_FILE, HybridModel, HybridState, load_bundle_mesh
 from mixpinn.serving.bundle_budget import load_budget
-from mixpinn.serving.contact_input import checked_contact
+from mixpinn.serving.contact_input import checked_contact, checked_history
 from mixpinn.serving.motions import motions_of_field, motions_of_twists
 
 if TYPE_CHECKING:
@@ -179,19 +179,12 @@ class HybridPredictor:
                 sense (far inside the body, or pressing from another side), or the history of something else.
         """
         model = self.pressing
-        from mixpinn.press.records import ContactHistory
-
-        if history is not None and not isinstance(history, ContactHistory):
-            raise InputError(
-                "history", expected="that of this predictor's answer", got=type(history).__name__,
-                fix="hand over the history of an answer of the same predictor",
-            )
         tips = np.asarray(tip, dtype=np.float64)
         places = tips.reshape(-1, 3)
         if rotation is None:
             rotation = probe_rotation(np.broadcast_to(rotation_deg, len(places)), direction)
         turns = np.asarray(rotation, dtype=np.float64).reshape(-1, 3, 3)
-        found = model.predict(turns, places, probes=[0] * len(places), history=history)
+        found = model.predict(turns, places, probes=[0] * len(places), history=checked_history(history))
         return self.answer_of(found, alone=tips.ndim == 1)
 
     def answer_of(self, found: "PosePrediction", *, alone: bool = False) -> Answer:
@@ -214,14 +207,14 @@ class HybridPredictor:
         self, tips: AnyArray | Sequence[Sequence[float]], *, rotation_deg: AnyArray | float = 0.0,
         direction: Sequence[float] = (0.0, -1.0, 0.0), rotations: AnyArray | None = None, threads: int | None = None,
     ) -> list[Answer]:
-        """The answers of `press` to many poses of one probe, from several threads.
+        """The answers of `press` to many poses of one probe, from several processes or threads; see `many_poses`.
 
         Args:
             tips: where the tip ends in each, world [mm], shape (m, 3).
             rotation_deg: about the pressing direction [degree], one for all or shape (m,).
             direction: where it presses to, shape (3,).
             rotations: rotation matrices instead of these two, shape (m, 3, 3).
-            threads: how many; None takes every core.
+            threads: how many, and no processes; None takes every core.
 
         Raises:
             InputError: as `press`; the pose is named.

@@ -1,8 +1,10 @@
-"""Many poses at once: each is answered as `HybridPredictor.press` would, by several threads."""
+"""Many poses at once: each is answered as `HybridPredictor.press` would, by several processes or threads."""
 
+import contextlib
 import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,8 +13,11 @@ from mixpinn.base.arrays import AnyArray
 from mixpinn.base.errors import InputError
 from mixpinn.geometry.probe_pose import probe_rotation
 from mixpinn.records.answer import Answer
+from mixpinn.serving.contact_input import checked_history
+from mixpinn.serving.forked_poses import Refusal, may_fork, predict_forked
 
 if TYPE_CHECKING:
+    from mixpinn.press.model import PosePrediction
     from mixpinn.serving.hybrid_predictor import HybridPredictor
 
 
@@ -23,8 +28,9 @@ def press_many(
 ) -> list[Answer]:
     """The answers to many poses of one probe, in their order.
 
-    The kernels of a prediction run outside of Python's lock, so that threads share the work; each pose is computed as
-    it would be alone, and the answers do not depend on how many threads there are.
+    Many poses are shared among forked processes where that is safe (on Linux, while no other thread runs), others among
+    threads: kernels run outside of Python's lock. Each pose is computed as it would be alone, and the answers do not
+    depend on who computes them.
 
     Args:
         predictor: a hybrid model that takes poses.
@@ -33,7 +39,7 @@ def press_many(
         direction: where it presses to, shape (3,).
         rotations: rotation matrices instead of these two, shape (m, 3, 3), or (3, 3) for all.
         history: of an earlier answer, from which each goes on.
-        threads: how many; None takes every core.
+        threads: how many, and no processes; None takes every core.
 
     Raises:
         InputError: poses of another shape, or one that `press` refuses; it is named by its number.
@@ -54,16 +60,30 @@ def press_many(
         )
     turns = np.broadcast_to(turns, (count, 3, 3))
 
+    workers = min(threads or len(os.sched_getaffinity(0)), max(count, 1))
+    if threads is None and may_fork(count, workers):
+        model, begin = predictor.pressing, checked_history(history)
+        with contextlib.suppress(BrokenProcessPool):  # ended from outside, for want of memory perhaps: threads go on
+            found = predict_forked(model, places, turns, history=begin, workers=workers)
+            return [_answer(predictor, index, each) for index, each in enumerate(found)]
+
     def answer(index: int) -> Answer:
         try:
             return predictor.press(places[index], rotation=turns[index], history=history)
         except InputError as error:
-            raise InputError(
-                f"pose {index}: {error.what}", expected=error.expected, got=error.got, fix=error.fix,
-            ) from error
+            raise _named(index, error) from error
 
-    workers = min(threads or len(os.sched_getaffinity(0)), max(count, 1))
     if workers == 1:
         return [answer(index) for index in range(count)]
     with ThreadPoolExecutor(workers, thread_name_prefix="mixpinn-poses") as pool:
         return list(pool.map(answer, range(count)))
+
+
+def _answer(predictor: "HybridPredictor", index: int, found: "PosePrediction | Refusal") -> Answer:
+    if isinstance(found, Refusal):
+        raise _named(index, found)
+    return predictor.answer_of(found, alone=True)
+
+
+def _named(index: int, error: InputError | Refusal) -> InputError:
+    return InputError(f"pose {index}: {error.what}", expected=error.expected, got=error.got, fix=error.fix)
