@@ -23,7 +23,7 @@ def test_what_it_answers_is_what_patient_contact_answers(model) -> None:
     contact, probes = model.contact, [model.probes[0]]
     hurried = HurriedContact.of(contact)
     first = contact.solve(probes, *_place(above(x=14.0, depth=4.0)))
-    there = _place(above(x=15.5, depth=4.5))
+    there = _place(above(x=14.5, depth=4.2))
     patient, soon = (one.solve(probes, *there, history=first.history) for one in (contact, hurried))
     assert soon.converged
     assert_array_equal(soon.displacement, patient.displacement)

@@ -29,7 +29,7 @@ def press(fields, height, *, friction=0.0, before=None, lift=0.0):
         place, np.full((1, 3), [0.0, lift, 0.0]), SPRING * np.eye(3), np.zeros(3), Contacts(
             np.zeros((1, 2), np.int64), FIRST, ONE, np.full(1, STIFFNESS), fields, np.eye(3)[None], np.zeros((1, 3)),
             place.copy() if before is None else before, np.zeros((1, 3)), np.zeros(1), (GAP, friction, SMOOTHING),
-        ), np.ones(1, bool), np.zeros((1, 4)), 1e-9, 60,
+        ), np.ones(1, bool), np.zeros((1, 4)), 1e-9, (60, 1000),
     )
     return forces, found.push, found.slip, found.pull, converged
 
@@ -77,7 +77,7 @@ def test_without_friction_a_path_ends_where_one_step_does(fields):
     force, _, push, _, done, _ = follow(
         np.zeros((1, 3)), SPRING * np.eye(3), Skin(FIRST, ONE, np.full(1, STIFFNESS)), fields,
         Path(np.tile(np.eye(3), (6, 1, 1, 1)), translations, np.zeros((6, 1, 3))), np.zeros(3), np.zeros((1, 1, 3)),
-        np.zeros((1, 1)), np.zeros((1, 1)), (GAP, 0.0, SMOOTHING), (1e-9, 1e-9), 60,
+        np.zeros((1, 1)), np.zeros((1, 1)), (GAP, 0.0, SMOOTHING), (1e-9, 1e-9), (60, 1000),
     )
     assert done == 5
     expected = press(fields, 0.5)

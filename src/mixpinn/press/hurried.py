@@ -7,8 +7,8 @@ from mixpinn.press.contact import PriorContact
 from mixpinn.press.records import ContactHistory, PlacedFields
 from mixpinn.press.session import ContactSession
 
-_ENOUGH = 60
-"""Iterations after which a drag is given up: the straight way down takes about as much time as these."""
+_ENOUGH = 90
+"""Tries after which a drag is given up: the straight way down takes about as much time as these."""
 
 
 class LostTrackError(Exception):
@@ -19,7 +19,7 @@ class HurriedContact(PriorContact):
     """The same contact as another one, with less patience.
 
     A drag whose steps converge badly can take twenty times as long as the straight way down from first touch. A step
-    that does not converge, or one too many iterations, ends it: its halves seldom help, and take longer than that way.
+    that does not converge, or one try too many, ends it: its halves seldom help, and take longer than that way.
     """
 
     @classmethod
@@ -39,6 +39,11 @@ class HurriedContact(PriorContact):
 class _HurriedSession(ContactSession):
     """A session that is given up soon."""
 
+    @property
+    def patience(self) -> int:
+        """The most tries from here on."""
+        return max(_ENOUGH + 1 - self.tries, 0)
+
     def _divided(self, path: tuple[FloatArray, FloatArray], shifts: FloatArray, cuts: int) -> ContactSession:
         raise LostTrackError
 
@@ -46,6 +51,6 @@ class _HurriedSession(ContactSession):
         self, path: tuple[FloatArray, FloatArray], shifts: FloatArray, friction: float,
     ) -> tuple[ContactSession, int]:
         session, done = super()._steps(path, shifts, friction)
-        if session.iterations > _ENOUGH:
+        if session.tries > _ENOUGH:
             raise LostTrackError
         return session, done

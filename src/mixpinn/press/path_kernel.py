@@ -40,7 +40,7 @@ class Path(NamedTuple):
 
 @numba.njit(cache=True, nogil=True)
 def follow(  # type: ignore[no-untyped-def]
-    rest, compliance, skin, fields, path, force, slip, push, leads, law, tolerances, max_iterations,
+    rest, compliance, skin, fields, path, force, slip, push, leads, law, tolerances, limits,
 ):
     """Go along a path of placements, each step from the equilibrium of the one before.
 
@@ -57,11 +57,11 @@ def follow(  # type: ignore[no-untyped-def]
         tolerances: of the forces, relative, after the last step and after all others. The nodes lie where the forces λ
             put them; what the law of contact says there differs by this part, and with it the places by this part of
             the violations of the gap alone.
-        max_iterations: of one solve.
+        limits: the most iterations from one guess, and the most tries of all steps; see `solve_step`.
 
     Returns:
-        λ, slips, normal forces (k, p), forces in the world (k, p, 3), steps done, iterations. It ends early where a
-        step finds no equilibrium.
+        λ, slips, normal forces (k, p), forces in the world (k, p, 3), steps done, tries. It ends early where a step
+        finds no equilibrium, or after too many tries.
     """
     n_steps, n_probes = path.rotations.shape[0] - 1, path.rotations.shape[1]
     n, n_points = len(rest), len(skin.stencil)
@@ -91,11 +91,14 @@ def follow(  # type: ignore[no-untyped-def]
             ratio = length / before_length if had_earlier and before_length > 0.0 and guess == 0 else 0.0
             part, near, lift, begin = _restrict(nodes, rest, compliance, path, step, force, earlier, ratio, guess)
             contacts = _contacts(pairs, local, skin, fields, path, step, x, slip, leads, law)
-            found, forces, converged, iterations = solve_step(
+            found, forces, converged, taken = solve_step(
                 near, lift, part, begin, contacts, _first(pairs, push, ahead), _clear(pairs, ahead, places),
-                tolerances[0] if last else max(tolerances[0], tolerances[1]), max_iterations,
+                tolerances[0] if last else max(tolerances[0], tolerances[1]),
+                (limits[0], limits[1] - used),
             )
-            used += iterations
+            used += taken
+            if used >= limits[1]:
+                break
             if not converged or _inside(pairs, contacts, forces.push):
                 guess += 1
                 if guess == 2 or (ratio == 0.0 and not lift.any()):

@@ -108,7 +108,7 @@ class ContactPrediction:
         depths: of each probe beyond first touch along its axis [mm], shape (k,); −inf where no skin is in its way.
         history: to hand to the next call where friction is to remember.
         converged: whether every solve met its tolerance.
-        iterations: of Newton's method in all.
+        tries: steps of Newton's method in all; one that was shortened counts as often as it was tried.
     """
 
     nodes: IntArray
@@ -120,7 +120,7 @@ class ContactPrediction:
     depths: FloatArray
     history: ContactHistory
     converged: bool
-    iterations: int
+    tries: int
 
 
 @dataclass(frozen=True, eq=False)

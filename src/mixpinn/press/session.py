@@ -13,6 +13,10 @@ from mixpinn.press.records import ContactHistory, ContactPrediction, PlacedField
 if TYPE_CHECKING:
     from mixpinn.press.contact import PriorContact
 
+_PATIENCE = 100_000
+"""More tries than any way takes whose solves converge or are given up one by one."""
+
+
 @dataclass(frozen=True, eq=False)
 class ContactSession:
     """Probes at their poses in equilibrium with a patch of skin, and all that is needed to go on from there.
@@ -31,7 +35,7 @@ class ContactSession:
         lead: violations of the gap that count beside the present ones [mm], shape (k, p).
         push: normal forces [N], shape (k, p).
         pull: forces of the probes on the points [N], shape (k, p, 3).
-        converged, iterations: of all solves so far.
+        converged, tries: of all solves so far.
         way: placements from first touch to where the probes are, or None where they came from a history.
         lost: whether a step found no equilibrium even without friction; the state is that before it.
     """
@@ -50,9 +54,14 @@ class ContactSession:
     push: FloatArray
     pull: FloatArray
     converged: bool
-    iterations: int
+    tries: int
     way: tuple[FloatArray, FloatArray] | None = None
     lost: bool = False
+
+    @property
+    def patience(self) -> int:
+        """The most tries from here on; see `follow`."""
+        return _PATIENCE
 
     @property
     def nodes(self) -> IntArray:
@@ -140,12 +149,12 @@ class ContactSession:
             Skin(self.stencil, skin.weights[self.points], config.stiffness * skin.area[self.points]),
             self.placed.joined, Path(path[0], path[1], shifts), self.force, self.slip,
             self.push, self.lead, (config.gap, friction, config.smoothing), (config.tolerance, config.on_the_way),
-            config.max_iterations,
+            (config.max_iterations, self.patience),
         )
         placed = replace(self.placed, rotations=path[0][done], translations=path[1][done])
         return replace(
             self, placed=placed, shift=shifts[done], force=force, slip=slip, push=push, pull=pull,
-            iterations=self.iterations + used,
+            tries=self.tries + used,
         ), int(done)
 
     def outcome(self) -> ContactPrediction:
@@ -182,5 +191,5 @@ class ContactSession:
         )
         return ContactPrediction(
             self.nodes[loaded], moved[loaded], forces[loaded], shares[:, loaded], wrench, sliding, self.depths, history,
-            self.converged, self.iterations,
+            self.converged, self.tries,
         )

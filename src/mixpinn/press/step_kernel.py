@@ -229,7 +229,7 @@ def _unbalanced(gradient, lam, error):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True, nogil=True)
 def solve_step(  # type: ignore[no-untyped-def]
-    free, lift, compliance, start, contacts, first, clear, tolerance, max_iterations,
+    free, lift, compliance, start, contacts, first, clear, tolerance, limits,
 ):
     """Forces λ on the nodes near the probe in equilibrium with contact at one placement of the probes.
 
@@ -243,10 +243,11 @@ def solve_step(  # type: ignore[no-untyped-def]
             far more than what it touches once those that it holds already have given way.
         clear: a first `Forces.seen`.
         tolerance: of the forces, relative.
-        max_iterations: of Newton's method.
+        limits: the most iterations of Newton's method from one guess, and the most tries of all: an iteration whose
+            step is shortened tries several lengths.
 
     Returns:
-        λ with which the nodes lie where the `Forces` belong to, these, whether it converged, iterations.
+        λ with which the nodes lie where the `Forces` belong to, these, whether it converged, tries.
     """
     m, count = len(start), len(contacts.pairs)
     n = m // 3
@@ -278,13 +279,15 @@ def solve_step(  # type: ignore[no-untyped-def]
         for i in range(m):
             y[i] -= length * move[i]
             lam[i] += length * change[i]
-    converged, used = _search(rest, compliance, contacts, forces, y, lam, tolerance, max_iterations)
-    if not converged:
+    converged, tries = _search(rest, compliance, contacts, forces, y, lam, tolerance, (limits[0], limits[1] - 1))
+    tries += 1
+    if not converged and tries < limits[1]:
         lam[:] = begin
         _moved(compliance, lam, y)
-        converged, more = _search(rest, compliance, contacts, forces, y, lam, tolerance, max_iterations)
-        used += more
-    return lam, forces, converged, used + 1
+        again = limits[0], limits[1] - tries
+        converged, more = _search(rest, compliance, contacts, forces, y, lam, tolerance, again)
+        tries += more
+    return lam, forces, converged, tries
 
 
 @numba.njit(cache=True, nogil=True)
@@ -305,25 +308,28 @@ def _leave_out(c, contacts, forces):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True)
-def _search(rest, compliance, contacts, forces, y, lam, tolerance, max_iterations):  # type: ignore[no-untyped-def]
+def _search(rest, compliance, contacts, forces, y, lam, tolerance, limits):  # type: ignore[no-untyped-def]
     """Newton's method from y and λ, which it changes, each step shortened until the error falls.
 
-    Returns whether it converged, and iterations.
+    Returns whether it converged, and tries.
     """
     m = len(lam)
     n, gradient = m // 3, forces.gradient
     error, change, move, response = np.empty(m), np.empty(m), np.empty(m), np.empty(m)
-    stuck = 0
+    stuck, tries = 0, 0
     _all_forces((rest + y).reshape(n, 3), contacts, forces)
-    for iteration in range(max_iterations):
+    for _ in range(limits[0]):
         if _unbalanced(gradient, lam, error) <= tolerance:
-            return True, iteration
+            return True, tries
+        if tries >= limits[1]:
+            return False, tries
         symmetric_times(compliance, error, response)
         size = (error * response).sum()
         if not newton_direction(compliance, contacts, forces, error, change, move):
-            return False, iteration
+            return False, tries
         length, best, least = min(1.0, _LARGEST_MOVE / max(np.abs(move).max(), 1e-12)), 0.0, np.inf
         for _ in range(7):
+            tries += 1
             _all_forces((rest + y - length * move).reshape(n, 3), contacts, forces)
             for i in range(m):
                 error[i] = gradient[i // 3, i % 3] - lam[i] - length * change[i]
@@ -342,5 +348,5 @@ def _search(rest, compliance, contacts, forces, y, lam, tolerance, max_iteration
             lam[i] += length * change[i]
         stuck = stuck + 1 if least > (1.0 - _GAIN) * size else 0
         if stuck == _STUCK:
-            return False, iteration + 1
-    return False, max_iterations
+            return False, tries
+    return False, tries
