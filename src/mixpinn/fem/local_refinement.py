@@ -61,6 +61,8 @@ class LocalRefinement:
         extrapolated: whether each pose is also solved with longer edges, and told as what both tend to.
         ratio: q, how many times as long they are.
         order: p, of what is left of the error; None takes that of the tool, `rim_order`.
+        held: edge along the border of the held skin down to which an extrapolated pose is corrected
+            (`mixpinn.fem.solve.held_border`) [mm]; None leaves what cells there miss.
     """
 
     edge: float = 10.0
@@ -68,11 +70,13 @@ class LocalRefinement:
     extrapolated: bool = True
     ratio: float = 2.0
     order: float | None = None
+    held: float | None = 6.0
 
     def __post_init__(self) -> None:
         require_settings(self, "refinement", {
             **positive(self, "edge"), **not_negative(self, "growth"),
             "ratio": (1.2 <= self.ratio <= 4.0, "1.2 to 4: closer lengths tell noise, others too little"),
+            "held": (self.held is None or self.held > 0.0, "above zero, or none"),
             "order": (self.order is None or 0.5 <= self.order <= 4.0, "0.5 to 4, or none for that of the tool"),
         })
 
@@ -86,7 +90,8 @@ class LocalRefinement:
         grown = "" if usual else f" growing by {self.growth:g} mm a mm,"
         if not self.extrapolated:
             return f"edges of {self.edge:g} mm{grown}"
-        return f"edges of {self.ratio * self.edge:g} and {self.edge:g} mm,{grown} extrapolated,"
+        held = "" if self.held is None else "held border corrected, "
+        return f"{held}edges of {self.ratio * self.edge:g} and {self.edge:g} mm,{grown} extrapolated,"
 
 
 def rim_order(probe: Probe) -> float:

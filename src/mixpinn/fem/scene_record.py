@@ -115,5 +115,6 @@ def recorded_refinement(record: Mapping[str, Any]) -> LocalRefinement | None:
 
 def refinement_of(entry: Mapping[str, Any]) -> LocalRefinement:
     """The refinement that a scene's record or a bundle holds."""
-    entry = {"order": 1.0} | {key: value for key, value in entry.items() if key != KIND}  # it was always 1 once
+    before: dict[str, Any] = {"order": 1.0, "held": None}  # as it was when a record does not say
+    entry = before | {key: value for key, value in entry.items() if key != KIND}
     return build_config(LocalRefinement, entry)

@@ -18,6 +18,7 @@ from scipy.spatial.transform import Rotation
 from mixpinn.base.arrays import FloatArray, IntArray
 from mixpinn.fem.local_refinement import LocalRefinement, refine_under, rim_order
 from mixpinn.fem.scene import Scene
+from mixpinn.fem.solve.held_border import held_border_of, place_parts
 from mixpinn.fem.solve.pose_simulator import PoseSimulator, simulator_of
 from mixpinn.geometry.triangle_search import close_pairs
 from mixpinn.records import ProbePath, Simulation, TissueMesh
@@ -53,7 +54,8 @@ class RefinedSimulator:
             return solve(config)
         coarser = solve(config.scaled(config.ratio))
         order = rim_order(self.scene.probe) if config.order is None else config.order
-        return extrapolate(self.scene.mesh, coarser, solve(config), ratio=config.ratio, order=order)
+        found = extrapolate(self.scene.mesh, coarser, solve(config), ratio=config.ratio, order=order)
+        return found if config.held is None else held_border_of(self.scene, config.held).corrected(found)
 
     def _solve(
         self, path: ProbePath, config: LocalRefinement, *, position_index: int, rotation_deg: float,
@@ -156,11 +158,8 @@ def extrapolate(mesh: TissueMesh, coarse: Simulation, fine: Simulation, *, ratio
     rotation = Rotation.from_rotvec(further).as_matrix().reshape(turn.shape) @ fine.part_rotation
     translation = tend(coarse.part_translation, fine.part_translation)
     displacement = tend(coarse.displacement.astype(np.float64), fine.displacement.astype(np.float64))
-    for k in range(mesh.n_parts):
-        bone = np.flatnonzero(mesh.node_part == k + 1)
-        arm = mesh.node_points[bone] - mesh.points[mesh.part_nodes(k + 1)].mean(axis=0)
-        moved = translation[:, k, None] + np.einsum("sij,nj->sni", rotation[:, k] - np.eye(3), arm)
-        displacement[:, bone] = moved
+    for moved, turned, shifted in zip(displacement, rotation, translation, strict=True):
+        place_parts(mesh, moved, turned, shifted)
     converged = coarse.converged & fine.converged
     displacement[~converged] = 0.0
     nodes, forces = [], []
