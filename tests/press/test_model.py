@@ -23,6 +23,7 @@ from mixpinn.reduced.hybrid import BUNDLE, HybridModel
 from mixpinn.reduced.modal_newton import ModalNewton
 from mixpinn.reduced.prior import ElasticPrior
 from mixpinn.reduced.quadratic_features import quadratic_features
+from mixpinn.reduced.rows import Rows
 from reduced.pressed_block import TISSUE, pressed_table, top_nodes
 from training.toy_block import block_mesh
 
@@ -38,8 +39,8 @@ def hybrid():
     size, rng = prior.coordinates.size, np.random.default_rng(0)
     readers = rng.normal(size=(4, 3 * len(prior.nodes))).astype(np.float32)
     newton = ModalNewton(
-        prior, Equilibrium.of_materials(mesh, [TISSUE]), np.zeros((2, size), np.float32),
-        np.zeros((2, size), np.float32),
+        prior, Equilibrium.of_materials(mesh, [TISSUE]), Rows.of(np.zeros((2, size))),
+        Rows.of(np.zeros((2, size))),
         np.zeros((2, 3 * len(prior.nodes)), np.float32),
     )
     return HybridModel(newton, readers, np.zeros((2 + 4 + 10, 2), np.float32))

@@ -10,7 +10,7 @@ from mixpinn.base.array_file import read_npy
 from mixpinn.fem import SuperLUSolver
 from mixpinn.reduced.basis import response_modes, unlike
 from mixpinn.reduced.build_prior import FactorConfig, build_prior
-from mixpinn.reduced.compliance import DenseCompliance, FactoredCompliance, PackedCompliance, read_ahead
+from mixpinn.reduced.compliance import DenseCompliance, FactoredCompliance, read_ahead
 from mixpinn.reduced.fit import HybridConfig, fit_hybrid
 from mixpinn.reduced.load_states import Footprints, draw_loads
 from mixpinn.reduced.prior import ElasticPrior
@@ -129,50 +129,6 @@ def test_a_dense_compliance_is_read_row_by_row():
     found = DenseCompliance(matrix)
     assert_allclose(found.read(rows, residual), matrix[rows] @ residual, rtol=1e-4, atol=1e-5)
     assert_allclose(found.respond(rows, [1.0, 2.0]), matrix[4] + 2.0 * matrix[1], rtol=1e-5, atol=1e-6)
-
-
-@pytest.fixture(scope="module")
-def packed(mesh, prior, tmp_path_factory):
-    """The prior as a bundle keeps it."""
-    folder = tmp_path_factory.mktemp("packed")
-    prior.save(folder, packed=True)
-    return ElasticPrior.load(folder, mesh)
-
-
-def test_packed_answers_keep_the_stated_error(prior, packed):
-    """Half a scale a force inside; contact nodes and twists as they are."""
-    assert isinstance(packed.compliance, PackedCompliance)
-    whole, found = np.asarray(prior.compliance.matrix), packed.compliance.dense().matrix
-    own, soft = prior._own_unknowns(), prior.coordinates.n_soft
-    assert_array_equal(found[:, own], whole[:, own])
-    assert_array_equal(found[:, soft:], whole[:, soft:])
-    inside = packed.compliance.inside
-    largest = np.abs(whole[:, inside]).max(axis=1, keepdims=True)
-    assert (np.abs(found - whole)[:, inside] <= largest * (1.0 / 65_534.0 + 2e-7)).all()  # and single precision
-    assert np.abs(found - whole).max() > 0.0
-    assert_array_equal(packed.own_compliance, prior.own_compliance)
-
-
-def test_packed_products_are_those_of_the_matrix(packed):
-    rng = np.random.default_rng(3)
-    matrix = packed.compliance.dense().matrix.astype(np.float64)
-    for count in (1, 4, 7, 30):
-        rows, force = rng.permutation(len(matrix))[:count], rng.normal(size=count)
-        fields = rng.normal(size=(2, matrix.shape[1])).astype(np.float32)
-        size = np.abs(matrix).max()
-        assert_allclose(packed.compliance.respond(rows, force), force @ matrix[rows], atol=1e-5 * size)
-        assert_allclose(packed.compliance.read(rows, fields[0]), matrix[rows] @ fields[0], atol=1e-4 * size)
-        assert_allclose(packed.compliance.times(fields), fields @ matrix.T, atol=1e-4 * size)
-
-
-def test_a_packed_prior_is_saved_as_it_is_or_in_factors(mesh, packed, tmp_path):
-    packed.save(tmp_path / "again")
-    again = ElasticPrior.load(tmp_path / "again", mesh).compliance
-    assert isinstance(again, PackedCompliance)
-    assert_array_equal(again.numbers, packed.compliance.numbers)
-    packed.save(tmp_path / "factors", tolerance=0.05)
-    matrix, found = packed.compliance.dense().matrix, ElasticPrior.load(tmp_path / "factors", mesh).compliance.matrix
-    assert np.linalg.norm(found - matrix) <= 0.05 * np.linalg.norm(matrix)
 
 
 def test_read_ahead_reads_what_is_mapped_and_leaves_everything_as_it_is(tmp_path: Path) -> None:

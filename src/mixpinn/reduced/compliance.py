@@ -9,9 +9,7 @@ numbers. Farther in, responses are smooth and lie near r modes Ψ, which are zer
 the second the exact transpose of the first. The modes are orthonormal with weights M that hardly count the contact
 nodes, and L = (Ψ M C)ᵀ = (Ψ M K⁻¹ Sᵀ)ᵀ are the coefficients of the responses: a solve for each mode, and no C.
 
-Packed, it is dense, but displacements of nodes inside, which are most of it, are kept in 16-bit integers, each row with
-a scale: half the memory, and half the time to read it. That is off by at most half of a row's scale, 1 / 65,534 of the
-row's largest entry inside, for each force. Contact nodes and twists of parts stay as they are.
+In a bundle it lies in clusters (`mixpinn.reduced.clustered_compliance`).
 """
 
 import mmap
@@ -19,15 +17,9 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mixpinn.base.arrays import AnyArray, Float32Array, IntArray
 from mixpinn.reduced.row_products import combine_rows, rows_times
-
-_LARGEST = 32_767
-"""The largest of the 16-bit integers."""
-_AT_A_TIME = 256
-"""Rows of a packed compliance that are unpacked at a time for products with all of them."""
 
 
 class Compliance(Protocol):
@@ -42,6 +34,10 @@ class Compliance(Protocol):
 
     def read(self, rows: IntArray, residual: Float32Array) -> Float32Array:
         """C_k · r of the rows (l,): displacement of these nodes under forces on all unknowns (D,), shape (l,)."""
+
+    @property
+    def arrays(self) -> tuple[AnyArray, ...]:
+        """What it is made of, which may lie on disk."""
 
     def own(self, unknowns: IntArray) -> Float32Array:
         """The columns of the contact nodes' own unknowns (R,), shape (R, R)."""
@@ -78,6 +74,11 @@ class DenseCompliance:
         rows_times(self.matrix, rows, residual, out)
         return out
 
+    @property
+    def arrays(self) -> tuple[AnyArray, ...]:
+        """As `Compliance.arrays`."""
+        return (self.matrix,)
+
     def own(self, unknowns: IntArray) -> Float32Array:
         """As `Compliance.own`."""
         return self.matrix[:, unknowns]
@@ -87,93 +88,12 @@ class DenseCompliance:
         product: Float32Array = np.asarray(fields, dtype=np.float32) @ self.matrix.T
         return product
 
-    def packed(self, unknowns: IntArray) -> "PackedCompliance":
-        """In 16-bit integers but for some unknowns (E,): the contact nodes' own (R,), then others of another unit."""
-        inside = np.setdiff1d(np.arange(self.matrix.shape[1]), unknowns)
-        numbers = np.empty((len(self.matrix), len(inside)), dtype=np.int16)
-        scale = np.empty(len(self.matrix), dtype=np.float32)
-        for row, packed, source in zip(range(len(scale)), numbers, self.matrix, strict=True):
-            values = source[inside]
-            scale[row] = max(float(np.abs(values).max(initial=0.0)), 1e-30) / _LARGEST
-            packed[:] = np.rint(values / scale[row])
-        return PackedCompliance(numbers, scale, np.ascontiguousarray(self.matrix[:, unknowns]), unknowns)
-
 
 def read_ahead(compliance: "Compliance") -> None:
     """Read now what lies in a mapped file and is read where an answer first needs it: a byte of each page is enough."""
-    for array in vars(compliance).values():
+    for array in compliance.arrays:
         if isinstance(array, np.memmap):
             array.ravel(order="K").view(np.uint8)[:: mmap.PAGESIZE].max(initial=0)
-
-
-@dataclass(frozen=True, eq=False)
-class PackedCompliance:
-    """C in 16-bit integers but for the contact nodes' own block and for twists.
-
-    Attributes:
-        numbers: of displacements inside, in ascending order of the unknowns, int16, shape (R, D − E); may lie on disk.
-        scale: by which each row of them is multiplied [mm/N], float32, shape (R,).
-        exact: columns of other unknowns, float32, shape (R, E).
-        unknowns: which these are: the contact nodes' own (R,) first.
-    """
-
-    numbers: NDArray[np.int16]
-    scale: Float32Array
-    exact: Float32Array
-    unknowns: IntArray
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "_inside", np.setdiff1d(np.arange(self.shape[1]), self.unknowns))
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        """R and D."""
-        return len(self.scale), self.numbers.shape[1] + self.exact.shape[1]
-
-    @property
-    def inside(self) -> IntArray:
-        """The unknowns in integers, shape (D − E,)."""
-        found: IntArray = self._inside  # type: ignore[attr-defined]
-        return found
-
-    def respond(self, rows: IntArray, force: AnyArray) -> Float32Array:
-        """As `Compliance.respond`."""
-        factors = np.asarray(force, dtype=np.float32).ravel()
-        exact, inside = np.zeros(self.exact.shape[1], np.float32), np.zeros(self.numbers.shape[1], np.float32)
-        combine_rows(self.exact, rows, factors, exact)
-        combine_rows(self.numbers, rows, factors * self.scale[rows], inside)
-        out = np.empty(self.shape[1], dtype=np.float32)
-        out[self.inside], out[self.unknowns] = inside, exact
-        return out
-
-    def read(self, rows: IntArray, residual: Float32Array) -> Float32Array:
-        """As `Compliance.read`."""
-        exact, inside = np.empty(len(rows), np.float32), np.empty(len(rows), np.float32)
-        rows_times(self.exact, rows, np.ascontiguousarray(residual[self.unknowns], dtype=np.float32), exact)
-        rows_times(self.numbers, rows, np.ascontiguousarray(residual[self.inside], dtype=np.float32), inside)
-        return exact + self.scale[rows] * inside
-
-    def own(self, unknowns: IntArray) -> Float32Array:
-        """As `Compliance.own`."""
-        return self.exact[:, : len(self.scale)]
-
-    def times(self, fields: AnyArray) -> Float32Array:
-        """As `Compliance.times`."""
-        rows = np.asarray(fields, dtype=np.float32)
-        product: Float32Array = rows[:, self.unknowns] @ self.exact.T
-        inside = rows[:, self.inside]
-        for start in range(0, len(self.scale), _AT_A_TIME):
-            part = slice(start, start + _AT_A_TIME)
-            product[:, part] += inside @ self.numbers[part].astype(np.float32).T * self.scale[part]
-        return product
-
-    def dense(self) -> DenseCompliance:
-        """As it is."""
-        matrix = np.empty(self.shape, dtype=np.float32)
-        matrix[:, self.unknowns] = self.exact
-        for row, numbers, scale in zip(matrix, self.numbers, self.scale, strict=True):
-            row[self.inside] = scale * numbers
-        return DenseCompliance(matrix)
 
 
 @dataclass(frozen=True, eq=False)
@@ -219,6 +139,11 @@ class FactoredCompliance:
         out = np.empty(len(rows), np.float32)
         rows_times(self.left, rows, amount, out)
         return out + of_skin
+
+    @property
+    def arrays(self) -> tuple[AnyArray, ...]:
+        """As `Compliance.arrays`."""
+        return self.left, self.right, self.block
 
     def own(self, unknowns: IntArray) -> Float32Array:
         """As `Compliance.own`."""

@@ -20,6 +20,7 @@ from mixpinn.reduced.hybrid import HybridModel, features
 from mixpinn.reduced.modal_newton import ModalNewton
 from mixpinn.reduced.modes import coefficients, excited_modes, principal_modes
 from mixpinn.reduced.prior import ElasticPrior
+from mixpinn.reduced.rows import Rows
 
 
 @dataclass(frozen=True)
@@ -109,7 +110,7 @@ class PreparedSamples:
         kept = np.stack([
             newton.coupling[:, rows] @ held.astype(np.float32) for rows, held in zip(self.rows, self.held, strict=True)
         ])
-        step: Float32Array = kept - self.residual @ newton.duals.T
+        step: Float32Array = kept - self.residual @ newton.duals.dense().T
         return step
 
     def coordinates(self, readers: Float32Array) -> Float32Array:
@@ -199,7 +200,7 @@ def fit_correction(
     modes = principal_modes(np.concatenate([drawn.missed, steps]), weights, config.modes, rng=rng)
     duals = linear.solve(np.asfortranarray((weights**2 * modes).T, dtype=np.float64)).T
     newton = ModalNewton(
-        prior, equilibrium, modes, np.ascontiguousarray(duals, dtype=np.float32),
+        prior, equilibrium, Rows.of(modes), Rows.of(duals),
         np.ascontiguousarray(prior.compliance.times(weights**2 * modes)),
     )
     readers = np.ascontiguousarray(prior.compliance.times(weights**2 * principal))

@@ -30,6 +30,7 @@ from mixpinn.reduced.error_estimate import ErrorEstimate, Signs
 from mixpinn.reduced.modal_newton import ModalNewton
 from mixpinn.reduced.prior import PRIOR, ContactSystem, ElasticPrior
 from mixpinn.reduced.quadratic_features import quadratic_features
+from mixpinn.reduced.rows import Rows
 
 HYBRID_FILE, _TENSORS, PRIOR_FOLDER = "hybrid.json", "hybrid.safetensors", "prior"
 BUNDLE = Artefact(
@@ -47,6 +48,9 @@ _ARRAYS = {
     "coupling": ArraySpec("number", ("modes", "rows")), "readers": ArraySpec("number", ("coordinates", "rows")),
     "gain": ArraySpec("number", ("features", "modes")),
 }
+
+_SCALE = ArraySpec("number", ("modes",))
+"""Of modes and duals in 16-bit integers."""
 
 
 @dataclass(frozen=True)
@@ -137,7 +141,7 @@ class HybridModel:
     @staticmethod
     def of_prior(prior: ElasticPrior, equilibrium: Equilibrium) -> "HybridModel":
         """The prior alone: no modes, nothing fitted yet."""
-        nothing = np.zeros((0, prior.coordinates.size), np.float32)
+        nothing = Rows.of(np.zeros((0, prior.coordinates.size)))
         none = np.zeros((0, prior.compliance.shape[0]), np.float32)
         newton = ModalNewton(prior, equilibrium, nothing, nothing, none)
         return HybridModel(newton, none, np.zeros((0, 0), np.float32), name=prior.name)
@@ -191,10 +195,14 @@ class HybridModel:
         """Write the arrays as safetensors, the prior beside them (see `ElasticPrior.save`), and ``hybrid.json``."""
         folder = Path(folder)
         self.prior.save(folder / PRIOR_FOLDER, tolerance=tolerance, packed=packed)
-        arrays = {
-            "modes": self.newton.modes, "duals": self.newton.duals, "coupling": self.newton.coupling,
-            "readers": self.readers, "gain": self.gain,
+        arrays: dict[str, AnyArray] = {
+            "coupling": self.newton.coupling, "readers": self.readers, "gain": self.gain,
         }
+        for name, rows in (("modes", self.newton.modes), ("duals", self.newton.duals)):
+            kept = rows.packed() if packed else rows
+            arrays[name] = kept.numbers
+            if kept.scale is not None:
+                arrays[f"{name}_scale"] = kept.scale
         write_arrays(folder / _TENSORS, arrays)
         write_json(folder / HYBRID_FILE, {
             "format": _FORMAT, "mesh_hash": self.mesh.hash(), "mu": self.newton.equilibrium.mu,
@@ -227,7 +235,8 @@ class HybridModel:
             equilibrium = Equilibrium(
                 mesh, mu=np.array(values.mu), lam=np.array(values.lam), restraints=prior.restraints,
             )
-            newton = ModalNewton(prior, equilibrium, arrays["modes"], arrays["duals"], arrays["coupling"])
+            modes, duals = (Rows(arrays[name], arrays.get(f"{name}_scale")) for name in ("modes", "duals"))
+            newton = ModalNewton(prior, equilibrium, modes, duals, arrays["coupling"])
             where, size = f"{folder / HYBRID_FILE}: error", len(arrays["readers"])
             error = None if values.error is None else ErrorEstimate.of_dict(
                 values.error, where, coordinates=size, remake=BUNDLE.remake,
@@ -253,6 +262,14 @@ def _checked(arrays: Mapping[str, AnyArray], prior: ElasticPrior, where: str) ->
         if name not in arrays:
             raise InputError(where, expected=f"the array '{name}'", got="none of this name", fix=BUNDLE.remake)
         spec.check(arrays[name], f"{where}: {name}", extents=extents, remake=BUNDLE.remake)
+    for name in ("modes", "duals"):
+        integers = arrays[name].dtype == np.int16
+        if integers and f"{name}_scale" not in arrays:
+            raise InputError(
+                where, expected=f"the array '{name}_scale'", got="none of this name", fix=BUNDLE.remake,
+            )
+        if integers:
+            _SCALE.check(arrays[f"{name}_scale"], f"{where}: {name}_scale", extents=extents, remake=BUNDLE.remake)
     modes, coordinates = extents["modes"], extents["coordinates"]
     wanted = modes + coordinates + coordinates * (coordinates + 1) // 2
     if extents["features"] != wanted:

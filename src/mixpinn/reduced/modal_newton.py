@@ -20,7 +20,7 @@ import numpy as np
 from mixpinn.base.arrays import AnyArray, Float32Array, FloatArray
 from mixpinn.reduced.equilibrium import Equilibrium
 from mixpinn.reduced.prior import ContactSystem, ElasticPrior
-from mixpinn.reduced.row_products import combine_rows, rows_times
+from mixpinn.reduced.rows import Rows
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,12 +37,9 @@ class ModalNewton:
 
     prior: ElasticPrior
     equilibrium: Equilibrium
-    modes: Float32Array
-    duals: Float32Array
+    modes: Rows
+    duals: Rows
     coupling: Float32Array
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "_all", np.arange(len(self.duals)))
 
     def step(self, unknowns: AnyArray, contact: ContactSystem) -> Float32Array:
         """Coefficients of the Newton step [mm times the root of the number of nodes], shape (m,).
@@ -59,13 +56,11 @@ class ModalNewton:
     def step_of_residual(self, residual: Float32Array, contact: ContactSystem) -> Float32Array:
         """`step` for a residual (D,) that is zero on the held unknowns."""
         moved = self.prior.compliance.read(contact.rows, residual)
-        free = np.empty(len(self.duals), dtype=np.float32)
-        rows_times(self.duals, self._all, residual, free)  # type: ignore[attr-defined]
         held: FloatArray = contact.solve(moved)
-        return -(free - self.coupling[:, contact.rows] @ held.astype(np.float32))
+        return -(self.duals.times(residual) - self.coupling[:, contact.rows] @ held.astype(np.float32))
 
     def add_modes(self, coefficients: Float32Array, unknowns: Float32Array) -> Float32Array:
         """`unknowns` (D,) and Σ_i z_i ψ_i for coefficients z (m,)."""
         moved = unknowns.copy()
-        combine_rows(self.modes, self._all, coefficients, moved)  # type: ignore[attr-defined]
+        self.modes.add_to(moved, coefficients)
         return moved

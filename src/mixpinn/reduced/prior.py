@@ -26,7 +26,9 @@ from mixpinn.physics.cholesky import cholesky_in_place, cholesky_solve
 from mixpinn.physics.restraints import FREE, Restraints
 from mixpinn.records import TissueMesh
 from mixpinn.records.answer import discretisation_of
-from mixpinn.reduced.compliance import Compliance, DenseCompliance, FactoredCompliance, PackedCompliance
+from mixpinn.reduced import clustered_files
+from mixpinn.reduced.clustered_compliance import ClusteredCompliance
+from mixpinn.reduced.compliance import Compliance, DenseCompliance, FactoredCompliance
 from mixpinn.reduced.coordinates import ReducedCoordinates
 from mixpinn.reduced.row_products import block_of
 
@@ -36,10 +38,12 @@ if TYPE_CHECKING:
     from mixpinn.fem import LinearSolver, Material
 
 _ABOUT, _COMPLIANCE = "prior.json", "compliance.npy"
-_LEFT, _RIGHT, _OWN, _NUMBERS = "left.npy", "right.npy", "own.npy", "numbers.npy"
-_SCALE, _EXACT = "scale.npy", "exact.npy"
-FILES = (_ABOUT, _COMPLIANCE, _LEFT, _RIGHT, _OWN, _NUMBERS, _SCALE, _EXACT)
-"""All that a prior may have; compliance, whole or packed, or its factors."""
+_LEFT, _RIGHT, _OWN = "left.npy", "right.npy", "own.npy"
+_EARLIER = ("numbers.npy", "scale.npy", "exact.npy")
+_CLUSTERED = tuple(f"{name}.npy" for name in clustered_files.SPECS)
+FILES = tuple(dict.fromkeys((_ABOUT, _COMPLIANCE, _LEFT, _RIGHT, _OWN, *_EARLIER, *_CLUSTERED)))
+"""All that a prior may have; compliance, whole or in clusters (`_EARLIER`: as earlier versions wrote it), or its
+factors."""
 DENSE_BYTES = 1 << 30
 """Beyond this size [byte] a compliance is kept in factors: it would not fit beside everything else in memory. Up to it,
 the whole matrix answers faster: the rows of some thirty contact nodes are less to read than some hundred modes."""
@@ -104,7 +108,7 @@ _FACTORS = {
     "left": ArraySpec("number", ("rows", "rank")), "right": ArraySpec("number", ("rank", "unknowns")),
     "own": ArraySpec("number", ("rows", "rows")),
 }
-_PACKED = {
+_ONE_CLUSTER = {
     "numbers": ArraySpec("index", ("rows", "inside")), "scale": ArraySpec("number", ("rows",)),
     "exact": ArraySpec("number", ("rows", "others")),
 }
@@ -121,6 +125,7 @@ class _About:
     missed: float = 0.0
     factored: bool = False
     packed: bool = False
+    clustered: bool = False
     restraints: dict[str, Any] = field(default_factory=dict)
 
 
@@ -237,7 +242,7 @@ class ElasticPrior:
             tolerance: with a positive one, a C that is not in factors is written as a product of two smaller matrices
                 that differs from it by at most this share, in the Frobenius norm; the contact nodes' own block stays
                 exact. Such a prior is multiplied out when it is read, unless that would take more than `DENSE_BYTES`.
-            packed: without tolerance, write a dense C in 16-bit integers; see `PackedCompliance`.
+            packed: without tolerance, write a dense C in clusters; see `mixpinn.reduced.clustered_compliance`.
         """
         folder, record = Path(folder), self.restraints.record()
         Restraints.of_record(record, "joints of a prior that is kept")  # a law of the user's own cannot be read back
@@ -247,7 +252,8 @@ class ElasticPrior:
                 np.save(temporary, array, allow_pickle=False)
         write_json(folder / _ABOUT, {
             "mesh_hash": self.mesh.hash(), "nodes": self.nodes, "name": self.name, "tolerance": max(tolerance, 0.0),
-            "missed": self.missed, "factored": _LEFT in arrays, "packed": _NUMBERS in arrays, "restraints": record,
+            "missed": self.missed, "factored": _RIGHT in arrays, "clustered": "close.npy" in arrays,
+            "restraints": record,
         })
         PRIOR.seal(folder, [_ABOUT, *arrays])
 
@@ -256,17 +262,25 @@ class ElasticPrior:
         kept = self.compliance
         if isinstance(kept, FactoredCompliance):
             return {_LEFT: kept.left, _RIGHT: kept.right, _OWN: kept.block}
-        if tolerance > 0.0:
-            kept = kept.dense() if isinstance(kept, PackedCompliance) else kept
-        elif packed and isinstance(kept, DenseCompliance):
-            kept = kept.packed(_exact_unknowns(self._own_unknowns(), self.coordinates))
-        if isinstance(kept, PackedCompliance):
-            return {_NUMBERS: kept.numbers, _SCALE: kept.scale, _EXACT: kept.exact}
+        if isinstance(kept, ClusteredCompliance):
+            if tolerance <= 0.0:
+                return _named(clustered_files.arrays_of(kept))
+            kept = DenseCompliance(kept.dense())
         assert isinstance(kept, DenseCompliance)
+        if packed and tolerance <= 0.0:
+            return _named(clustered_files.arrays_of(self._clustered(kept)))
         factors: dict[str, AnyArray] = {_COMPLIANCE: kept.matrix}
         if tolerance > 0.0:
             factors = self._factors(kept.matrix, tolerance)
         return factors
+
+    def _clustered(self, whole: DenseCompliance) -> ClusteredCompliance:
+        own, free = self._own_unknowns(), self.coordinates.free
+        inside = np.setdiff1d(free, self.nodes)
+        return ClusteredCompliance.of(
+            whole.matrix, _exact_unknowns(own, self.coordinates), self.mesh.node_points[self.nodes],
+            self.mesh.node_points[inside],
+        )
 
     def _factors(self, matrix: Float32Array, tolerance: float) -> dict[str, AnyArray]:
         """C ≈ V_r (V_rᵀ C) with the r leading left singular vectors V_r, and the exact own block."""
@@ -318,13 +332,21 @@ class ElasticPrior:
             factored = FactoredCompliance(arrays["left"], right, arrays["own"], own)
             exact = about.missed == 0.0 and 4 * extents["rows"] * extents["unknowns"] <= DENSE_BYTES
             compliance = factored.dense() if exact else factored
-        elif about.packed:
-            PRIOR.check(folder, _NUMBERS, _SCALE, _EXACT)
+        elif about.packed or about.clustered:
+            PRIOR.check(folder, *(_CLUSTERED if about.clustered else _EARLIER))
             own = (3 * np.searchsorted(free, nodes)[:, None] + np.arange(3)).ravel()
             unknowns = _exact_unknowns(own, ReducedCoordinates(mesh))
-            extents |= {"others": len(unknowns), "inside": extents["unknowns"] - len(unknowns)}
-            arrays = load_arrays(folder, _PACKED, remake=PRIOR.remake, extents=extents, mapped=("numbers",))
-            compliance = PackedCompliance(arrays["numbers"], arrays["scale"], arrays["exact"], unknowns)
+            extents |= {"others": len(unknowns), "inside": extents["unknowns"] - len(unknowns), "contacts": len(nodes)}
+            extents["nodes_inside"] = extents["inside"] // 3
+            arrays = load_arrays(
+                folder, clustered_files.SPECS if about.clustered else _ONE_CLUSTER, remake=PRIOR.remake,
+                extents=extents, mapped=clustered_files.MAPPED if about.clustered else ("numbers",),
+            )
+            compliance = (
+                clustered_files.compliance_of(arrays, unknowns, where=str(folder), remake=PRIOR.remake)
+                if about.clustered
+                else clustered_files.of_one_cluster(arrays["numbers"], arrays["scale"], arrays["exact"], unknowns)
+            )
         else:
             PRIOR.check(folder, _COMPLIANCE)
             whole = {"compliance": ArraySpec("number", ("rows", "unknowns"))}
@@ -338,3 +360,7 @@ class ElasticPrior:
 def _exact_unknowns(own: IntArray, coordinates: ReducedCoordinates) -> IntArray:
     """What a packed compliance keeps as it is: the contact nodes' own unknowns (R,), then all twists."""
     return np.concatenate([own, np.arange(coordinates.n_soft, coordinates.size)])
+
+
+def _named(arrays: dict[str, AnyArray]) -> dict[str, AnyArray]:
+    return {f"{name}.npy": array for name, array in arrays.items()}

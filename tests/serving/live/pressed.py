@@ -16,6 +16,7 @@ from mixpinn.reduced.equilibrium import Equilibrium
 from mixpinn.reduced.hybrid import HybridModel
 from mixpinn.reduced.modal_newton import ModalNewton
 from mixpinn.reduced.prior import ElasticPrior
+from mixpinn.reduced.rows import Rows
 from mixpinn.serving import HybridPredictor
 from reduced.pressed_block import TISSUE, top_nodes
 from training.toy_block import block_mesh
@@ -30,8 +31,8 @@ def block_predictor() -> HybridPredictor:
     prior = ElasticPrior.build(mesh, [TISSUE], nodes=top_nodes(mesh), linear=SuperLUSolver())
     size, rows = prior.coordinates.size, 3 * len(prior.nodes)
     newton = ModalNewton(
-        prior, Equilibrium.of_materials(mesh, [TISSUE]), np.zeros((2, size), np.float32),
-        np.zeros((2, size), np.float32), np.zeros((2, rows), np.float32),
+        prior, Equilibrium.of_materials(mesh, [TISSUE]), Rows.of(np.zeros((2, size))),
+        Rows.of(np.zeros((2, size))), np.zeros((2, rows), np.float32),
     )
     readers = np.random.default_rng(0).normal(size=(4, rows)).astype(np.float32)
     hybrid = HybridModel(newton, readers, np.zeros((2 + 4 + 10, 2), np.float32))
