@@ -6,8 +6,10 @@ cells as it is, with linear ones of which every edge is halved, and with quadrat
 several edge lengths, always on the same facets. The error that the size of cells under the probe leaves falls with
 a power of their edge length (`mixpinn.fem.local_refinement`); two lengths, one twice the other, are extrapolated to
 none. The reference is the extrapolation from the two finest; its uncertainty is how far it is from that of the next
-pair. What all other cells leave is told by halving every edge of the mesh beside edges of ``--rest`` mm under the
-probe: the change belongs to the reference of a pose for which it was solved, and is printed.
+pair. What cells along the border of the held skin leave falls with their edge length: beside edges of ``--rest`` mm
+under the probe, cells along the border are halved to 12 and 6 mm, and what both tend to beyond the mesh as it is
+belongs to the reference. For the poses ``--halved`` every edge is halved besides; the change tells what all other cells
+leave, and is printed.
 
 Every solve is kept in the cache (``MIXPINN_CACHE``), so that a run goes on where an earlier one ended; a pose that was
 interrupted is pressed again, and the depths that it had reached count until then. ``--minutes`` ends a run after that
@@ -38,7 +40,10 @@ parser.add_argument("--edges", nargs="*", type=float, default=[20.0, 14.0, 10.0,
                     help="longest edges under the probe [mm]: two lengths and their halves")
 parser.add_argument("--growth", type=float, default=0.05,
                     help="of the edge length away from the probe, per mm, as a share of the edge length under it")
-parser.add_argument("--rest", type=float, help="edge under the probe [mm] beside which all others are halved too")
+parser.add_argument("--rest", type=float,
+                    help="edge under the probe [mm] beside which those along the border of the held skin are shorter")
+parser.add_argument("--halved", nargs="*", type=int, default=[], help="poses for which all other edges are halved too")
+parser.add_argument("--default", action="store_true", help="solve too what onboarding solves")
 parser.add_argument("--poses", nargs="+", type=int, help="of the six, by number; by default all")
 parser.add_argument("--threads", type=int, default=1)
 parser.add_argument("--minutes", type=float, default=float("inf"))
@@ -54,8 +59,16 @@ from benchmarks import history  # noqa: E402
 from mixpinn.base.arrays import AnyArray, FloatArray  # noqa: E402
 from mixpinn.base.cache import cache_folder  # noqa: E402
 from mixpinn.base.files import atomic_path  # noqa: E402
-from mixpinn.fem import PAPER_TISSUE, LocalRefinement, PoseSimulator, Scene, SolverConfig  # noqa: E402
+from mixpinn.fem import (  # noqa: E402
+    PAPER_TISSUE,
+    LocalRefinement,
+    PoseSimulator,
+    RefinedSimulator,
+    Scene,
+    SolverConfig,
+)
 from mixpinn.fem.local_refinement import refine_under, rim_order  # noqa: E402
+from mixpinn.fem.solve.held_border import finer_border  # noqa: E402
 from mixpinn.fem.solve.pose_simulator import Equilibrium  # noqa: E402
 from mixpinn.geometry.probe_shapes import linear_probe  # noqa: E402
 from mixpinn.mesh import load_paper_mesh, refine  # noqa: E402
@@ -65,6 +78,8 @@ POSITIONS = np.array([[30.0, 133.0, -55.0], [50.0, 133.0, -15.0], [50.0, 133.0, 
 ROTATIONS = (0.0, 90.0)
 DEPTHS = np.array([5.0, 10.0, 15.0, 20.0])
 POSES = list(product(range(len(POSITIONS)), ROTATIONS))
+BORDER = (12.0, 6.0)
+"""Edges along the border of the held skin, one twice the other [mm]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,6 +151,21 @@ def press(
     return replace(found, ended=True)
 
 
+def press_as_onboarding(scene: Scene, pose: tuple[int, float]) -> Press:
+    """The same with a scene's refinement: two edge lengths, extrapolated and corrected, in steps of 1.25 mm."""
+    place, rotation_deg = POSITIONS[pose[0]], pose[1]
+    turn = Rotation.from_euler("y", rotation_deg, degrees=True).as_matrix()
+    depths = np.concatenate([[-5.0], np.arange(0.0, DEPTHS[-1] + 0.1, 1.25)])
+    path = ProbePath(place - depths[:, None] * [0.0, 1.0, 0.0], np.tile(turn, (len(depths), 1, 1)), depths)
+    found = RefinedSimulator(scene).run(path)
+    read = np.flatnonzero(np.isin(depths, DEPTHS) & found.converged)
+    lowest = np.stack([found.min_jacobian[read], np.full(len(read), np.nan)], axis=1)
+    field = found.displacement[read, : scene.mesh.n_points].astype(np.float64)
+    return Press(
+        found.probe_wrench[read, 1], found.part_translation[read], field, lowest, float(found.seconds.sum()), True,
+    )
+
+
 def kept(path: Path) -> Press | None:
     """A press from the cache."""
     if not path.is_file():
@@ -156,14 +186,24 @@ def level_of(edge: float) -> str:
     return f"edges of {edge:g} mm"
 
 
+def border_of(edge: float, border: float) -> str:
+    """Name of the level whose edges along the border of the held skin are made shorter too."""
+    return f"{level_of(edge)}, {border:g} mm along the held border"
+
+
 def rest_of(edge: float) -> str:
-    """Name of the level whose other edges are halved too."""
-    return f"{level_of(edge)}, all others halved"
+    """Name of the level whose other edges are halved besides."""
+    return f"{border_of(edge, BORDER[-1])}, all others halved"
 
 
 def extrapolation_of(edge: float) -> str:
     """Name of what levels of this edge length and its double tend to."""
     return f"{level_of(edge)} and {2.0 * edge:g} mm, extrapolated"
+
+
+def default_of() -> str:
+    """Name of what onboarding solves."""
+    return f"{extrapolation_of(LocalRefinement().edge)}, held border corrected"
 
 
 def approach(number: int) -> ProbePath:
@@ -186,23 +226,34 @@ def solve_all(base: TissueMesh, options: argparse.Namespace) -> dict[tuple[str, 
     found: dict[tuple[str, int], Press] = {}
     materials, config = (PAPER_TISSUE,) * len(base.tissue_names), SolverConfig(threads=options.threads)
     edges = {level_of(edge): edge for edge in options.edges}
-    levels = [*options.levels, *edges]
+    levels, borders = [*options.levels, *edges], {}
     if options.rest is not None:
-        edges[rest_of(options.rest)] = options.rest
-        levels.append(rest_of(options.rest))
-    for level in levels:
+        borders = {border_of(options.rest, border): border for border in BORDER}
+        if options.halved:
+            borders[rest_of(options.rest)] = BORDER[-1]
+        edges |= dict.fromkeys(borders, options.rest)
+        levels += borders
+    for level in levels + [default_of()] * options.default:
         mesh = refine(base.with_order(1)) if "halved" in level else base
         whole = mesh.with_order(1 if "linear" in level else 2)
+        if level in borders:
+            whole = finer_border(whole, borders[level])
         scene, simulator = Scene(whole, probe, materials, solver=config), None
-        for number in options.poses or range(len(POSES)):
+        if level == default_of():
+            scene = replace(scene, refinement=LocalRefinement())
+        asked = options.poses or range(len(POSES))
+        for number in asked if level not in borders or "halved" not in level else options.halved:
             if level in edges:
                 finer = LocalRefinement(edges[level], options.growth * edges[level], extrapolated=False)
                 scene, simulator = replace(scene, mesh=refine_under(whole, probe, approach(number), finer)), None
             path = cache_folder("truth", scene.hash()) / f"pose_{number}.npz"
             result = kept(path)
             if (result is None or not result.ended) and time.perf_counter() < deadline:
-                simulator = simulator or PoseSimulator(scene)
-                result = press(simulator, base, POSES[number], partial(keep, path))
+                if level == default_of():
+                    result = press_as_onboarding(scene, POSES[number])
+                else:
+                    simulator = simulator or PoseSimulator(scene)
+                    result = press(simulator, base, POSES[number], partial(keep, path))
                 keep(path, result)
             if result is not None:
                 found[level, number] = result
@@ -213,6 +264,16 @@ def solve_all(base: TissueMesh, options: argparse.Namespace) -> dict[tuple[str, 
     return found
 
 
+def combination(terms: list[tuple[float, Press]]) -> Press:
+    """Sum of presses times factors over the depths that all reached; det F and time are those of the first."""
+    d = min(len(one.force) for _, one in terms)
+    force, translation, field = (
+        np.sum([factor * getattr(one, name)[:d] for factor, one in terms], axis=0)
+        for name in ("force", "translation", "field")
+    )
+    return Press(force, translation, field, terms[0][1].det_f[:d], terms[0][1].seconds, True)
+
+
 def extrapolate(found: dict[tuple[str, int], Press], edges: list[float], *, order: float) -> list[float]:
     """Add what pairs of edge lengths tend to by an order; the shorter length of each pair, ascending."""
     further = 1.0 / (2.0**order - 1.0)
@@ -221,36 +282,15 @@ def extrapolate(found: dict[tuple[str, int], Press], edges: list[float], *, orde
         coarse, fine = (found.get((level_of(length), number)) for length in (2.0 * edge, edge))
         if coarse is None or fine is None:
             continue
-        d = min(len(coarse.force), len(fine.force))
-        force, translation, field = (
-            (1.0 + further) * getattr(fine, name)[:d] - further * getattr(coarse, name)[:d]
-            for name in ("force", "translation", "field")
-        )
-        found[extrapolation_of(edge), number] = Press(
-            force, translation, field, fine.det_f[:d], coarse.seconds + fine.seconds, True,
-        )
+        found[extrapolation_of(edge), number] = combination([(1.0 + further, fine), (-further, coarse)])
     return pairs
 
 
-def change(found: dict[tuple[str, int], Press], edge: float, number: int) -> Press | None:
-    """What halving all edges but those under the probe changes in a pose."""
-    plain, halved = found.get((level_of(edge), number)), found.get((rest_of(edge), number))
-    if plain is None or halved is None:
-        return None
-    d = min(len(plain.force), len(halved.force))
-    force, translation, field = (
-        getattr(halved, name)[:d] - getattr(plain, name)[:d] for name in ("force", "translation", "field")
-    )
-    return Press(force, translation, field, halved.det_f[:d], halved.seconds, True)
-
-
-def completed(one: Press, more: Press) -> Press:
-    """One press, and what finer cells elsewhere change of it."""
-    d = min(len(one.force), len(more.force))
-    force, translation, field = (
-        getattr(one, name)[:d] + getattr(more, name)[:d] for name in ("force", "translation", "field")
-    )
-    return replace(one, force=force, translation=translation, field=field, det_f=one.det_f[:d])
+def change(found: dict[tuple[str, int], Press], edge: float, number: int) -> list[tuple[float, Press]]:
+    """What cells along the border of the held skin tend to beyond the mesh as it is, in a pose, as terms of a sum."""
+    levels = (border_of(edge, BORDER[1]), border_of(edge, BORDER[0]), level_of(edge))
+    solved = [found.get((level, number)) for level in levels]
+    return [(factor, one) for factor, one in zip((2.0, -1.0, -1.0), solved, strict=True) if one is not None]
 
 
 def errors(one: Press, truth: Press) -> dict[str, float]:
@@ -267,6 +307,13 @@ def errors(one: Press, truth: Press) -> dict[str, float]:
     }
 
 
+def worst(row: dict[str, float], more: dict[str, float]) -> None:
+    """One pose more in a row of largest errors."""
+    row["poses"] += 1.0
+    for key, value in more.items():
+        row[key] = max(row.get(key, 0.0), value)
+
+
 def report(
     found: dict[tuple[str, int], Press], edges: list[float], *, order: float, rest: float | None,
 ) -> dict[str, object]:
@@ -275,32 +322,33 @@ def report(
     rows: dict[str, dict[str, float]] = {}
     reference = extrapolation_of(pairs[0]) if pairs else ""
     poses = [number for number in range(len(POSES)) if (reference, number) in found]
-    truth, others = {number: found[reference, number] for number in poses}, {"poses": 0.0}
+    truth = {number: found[reference, number] for number in poses}
+    border, unsure, halved = ({"poses": 0.0} for _ in range(3))
     for number in poses:
-        more = None if rest is None else change(found, rest, number)
-        if more is None:
+        more = [] if rest is None else change(found, rest, number)
+        if rest is None or len(more) < 3:
             continue
-        truth[number] = completed(truth[number], more)
-        others["poses"] += 1.0
-        for key, value in errors(found[reference, number], truth[number]).items():
-            others[key] = max(others.get(key, 0.0), value)
+        plain, finest = truth[number], more[0][1]
+        truth[number] = combination([(1.0, plain), *more])
+        worst(border, errors(plain, truth[number]))
+        worst(unsure, errors(combination([(1.0, plain), (1.0, finest), more[2]]), truth[number]))
+        besides = found.get((rest_of(rest), number))
+        if besides is not None:
+            worst(halved, errors(finest, besides))
     for (level, number), one in found.items():
         if number not in poses or level == reference:
             continue
-        row = rows.setdefault(level, {"poses": 0.0})
-        row["poses"] += 1.0
-        for key, value in errors(one, truth[number]).items():
-            row[key] = max(row.get(key, 0.0), value)
-    uncertain: dict[str, float] = {}
+        worst(rows.setdefault(level, {"poses": 0.0}), errors(one, truth[number]))
+    uncertain: dict[str, float] = {"poses": 0.0}
     for number in poses if len(pairs) > 1 else ():
-        one = found.get((extrapolation_of(pairs[1]), number))
-        for key, value in {} if one is None else errors(one, found[reference, number]).items():
-            uncertain[key] = max(uncertain.get(key, 0.0), value)
+        next_pair = found.get((extrapolation_of(pairs[1]), number))
+        worst(uncertain, {} if next_pair is None else errors(next_pair, found[reference, number]))
     forces: dict[str, dict[int, list[float]]] = {}
     for (level, number), one in sorted(found.items()):
         forces.setdefault(level, {})[number] = one.force.tolist()
     return {
-        "poses": len(poses), "reference": reference, "rows": rows, "forces": forces, "rest": others,
+        "poses": len(poses), "reference": reference, "rows": rows, "forces": forces,
+        "border": border, "border_uncertainty": unsure, "halved": halved,
         "uncertainty": {key: uncertain.get(key) for key in ("force", "vertebra_mm", "field_mm")},
     }
 
@@ -316,7 +364,8 @@ def main(options: argparse.Namespace) -> None:
     for level, row in rows.items():
         print(f"{level:40s} force {100 * row['force']:.2f} %, vertebra {row['vertebra_mm']:.3f} mm "
               f"({row['vertebra_bar']:.2f} of the bar), field {row['field_mm']:.4f} mm, {row['poses']:.0f} poses")
-    default, linear = rows.get(extrapolation_of(LocalRefinement().edge), {}), rows.get("linear", {})
+    default = rows.get(default_of()) or rows.get(extrapolation_of(LocalRefinement().edge), {})
+    linear = rows.get("linear", {})
     history.report("truth", {
         "force_error_max": default.get("force"), "vertebra_error_max_mm": default.get("vertebra_mm"),
         "vertebra_error_max_rel": default.get("vertebra_rel"), "field_error_max_mm": default.get("field_mm"),

@@ -39,18 +39,24 @@ def test_errors_are_taken_from_the_extrapolated_solution():
     assert uncertainty["field_mm"] == pytest.approx(0.02)
 
 
-def test_what_halving_all_other_edges_changes_belongs_to_the_reference():
-    # Under the probe errors fall with the square of the edge: 14 and 7 find 10 N and 2 mm; the rest takes 1 N off.
+def test_what_cells_along_the_held_border_tend_to_belongs_to_the_reference():
+    # Under the probe errors fall with the square of the edge: 14 and 7 find 10 N and 2 mm. Along the border they fall
+    # with the edge: 12 and 6 mm take 1 N off and add 0.2 mm to what the mesh as it is finds, and 0.2 N stay for 6 mm.
     found = {
         (truth.level_of(14.0), 0): press(10.4, 2.08), (truth.level_of(7.0), 0): press(10.1, 2.02),
-        (truth.level_of(10.0), 0): press(10.3, 2.05), (truth.rest_of(10.0), 0): press(9.3, 2.25),
-        ("linear", 0): press(18.0, 3.2),
+        (truth.level_of(20.0), 0): press(10.8, 2.16), (truth.border_of(20.0, 12.0), 0): press(10.2, 2.28),
+        (truth.border_of(20.0, 6.0), 0): press(10.0, 2.32), (truth.rest_of(20.0), 0): press(9.9, 2.34),
+        ("linear", 0): press(18.0, 3.2), (truth.default_of(), 0): press(9.18, 2.21),
     }
-    result = truth.report(found, [14.0, 10.0, 7.0], order=2.0, rest=10.0)
+    result = truth.report(found, [20.0, 14.0, 7.0], order=2.0, rest=20.0)
     assert result["rows"]["linear"]["force"] == pytest.approx(1.0)
     assert result["rows"]["linear"]["vertebra_mm"] == pytest.approx(1.0)
-    assert result["rest"]["force"] == pytest.approx(1.0 / 9.0)
-    assert result["rest"]["vertebra_mm"] == pytest.approx(0.2)
+    assert result["rows"][truth.default_of()]["force"] == pytest.approx(0.02)
+    assert result["rows"][truth.default_of()]["vertebra_mm"] == pytest.approx(0.01)
+    assert result["border"]["force"] == pytest.approx(1.0 / 9.0)
+    assert result["border"]["vertebra_mm"] == pytest.approx(0.2)
+    assert result["border_uncertainty"]["force"] == pytest.approx(0.2 / 9.0)
+    assert result["halved"]["vertebra_mm"] == pytest.approx(0.02)
     assert result["uncertainty"]["force"] is None
 
 

@@ -56,6 +56,17 @@ def _border_edges(mesh: TissueMesh) -> IntArray:
     return found
 
 
+def finer_border(mesh: TissueMesh, edge: float) -> TissueMesh:
+    """The mesh with cells halved along the border until no edge there is longer than `edge` [mm]."""
+    nearest = cKDTree(held_border(mesh))
+
+    def length(points: FloatArray) -> FloatArray:
+        found: FloatArray = edge + _GROWTH * nearest.query(points)[0]
+        return found
+
+    return refine_to(mesh.with_order(1), length).with_order(mesh.order)
+
+
 class _Body:
     """A scene's body at rest, on a mesh that has all nodes of the scene's where forces act."""
 
@@ -98,12 +109,8 @@ class HeldBorder:
         longest = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).max(initial=0.0)
         self._bodies: list[_Body] = []
         if len(ends):
-            edge, nearest = min(edge, _SHARE * longest), cKDTree(held_border(mesh))
-            meshes = [mesh] + [
-                refine_to(
-                    mesh.with_order(1), lambda points, h=h: h + _GROWTH * nearest.query(points)[0],  # type: ignore[misc]
-                ).with_order(mesh.order) for h in (2.0 * edge, edge)
-            ]
+            edge = min(edge, _SHARE * longest)
+            meshes = [mesh, finer_border(mesh, 2.0 * edge), finer_border(mesh, edge)]
             self._bodies = [_Body(scene, some) for some in meshes]
 
     def corrected(self, found: Simulation) -> Simulation:
