@@ -16,7 +16,8 @@ Under the rim of a sharp tool the displacement of the skin goes like the root of
 punch with an edge, and its gradient like 1/√r. What cells of size h cannot follow there has an energy of about
 ∫₀ʰ (1/√r)² r dr = h: p = 1, whatever the order of the cells. Under a rounded edge the gradient is bounded, and what is
 missed is missed at the border of contact, where pressure starts like a root: p is about 2. `rim_order` tells
-which of them a tool has; how well it holds on a patient is measured by ``python -m benchmarks.truth``.
+which of them a tool has; how well it holds on a patient is measured by ``python -m benchmarks.truth``. What is missed
+far from the probe, along the border of the held skin, is corrected otherwise (`mixpinn.fem.solve.held_border`).
 """
 
 from dataclasses import dataclass, replace

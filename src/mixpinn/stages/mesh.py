@@ -113,7 +113,8 @@ quadratic ones on the same mesh. Most of what quadratic cells of size 2 still mi
 probe; `mixpinn.fem.LocalRefinement` makes cells finer there. Finer cells on all of the back cost more than they help: a
 predictor keeps a compliance of all nodes of the probed skin, which grows with the square of their number (0.4 GB at
 size 2, 0.9 GB at size 1.5). What they miss of the vertebrae's motion is missed along the border of the skin that is
-held, where stresses are singular, so cells are finer there too, and nowhere as long as `Grading` has them elsewhere.
+held, where stresses are singular: cells are finer there, none is as long as `Grading` has them elsewhere, and poses are
+corrected for what is left (`mixpinn.fem.solve.held_border`).
 """
 
 
