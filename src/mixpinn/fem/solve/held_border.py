@@ -17,6 +17,7 @@ apart.
 from dataclasses import replace
 
 import numpy as np
+import scipy.sparse as sp
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
@@ -68,15 +69,15 @@ def finer_border(mesh: TissueMesh, edge: float) -> TissueMesh:
 
 
 class _Body:
-    """A scene's body at rest, on a mesh that has all nodes of the scene's where forces act."""
+    """A scene's body at rest, on a mesh that has all nodes of the scene's: displacements u = J q, q = K⁻¹ Jᵀ f."""
 
     def __init__(self, scene: Scene, mesh: TissueMesh) -> None:
         base = scene.mesh
-        self._system: ElasticSystem = elastic_system(replace(scene, mesh=mesh, refinement=None))
-        self._rest = self._system.rest_state()
-        self._solver = default_solver(scene.solver.threads)
-        self._solver.factorize(self._system.tangent(self._rest, project=False))
-        self._node = cKDTree(mesh.node_points).query(base.node_points)[1]
+        system: ElasticSystem = elastic_system(replace(scene, mesh=mesh, refinement=None))
+        self._solver = default_solver(scene.solver.threads, single=True)
+        self._solver.factorize(system.tangent(system.rest_state(), project=False))
+        self._free = ~system.locked
+        self._motion = _motion(system, base)
         self._shift = np.array([
             np.subtract(*(some.points[some.part_nodes(k)].mean(axis=0) for some in (base, mesh)))
             for k in range(1, base.n_parts + 1)
@@ -84,15 +85,34 @@ class _Body:
 
     def response(self, forces: list[tuple[IntArray, FloatArray]]) -> tuple[FloatArray, FloatArray]:
         """Displacement of the scene's nodes [mm] (s, n, 3) and twists of its parts about their centroids (s, K, 6)."""
-        loads = np.zeros((len(self._rest.points), 3, len(forces)))
-        for step, (nodes, force) in enumerate(forces):
-            loads[self._node[nodes], :, step] = force
-        reduced = np.stack([self._system.reduce(loads[..., step], self._rest) for step in range(len(forces))], axis=1)
-        found = np.asarray(self._solver.solve(reduced)).reshape(len(reduced), len(forces))
-        moved = np.stack([self._system.expand(found[:, s], self._rest)[self._node] for s in range(len(forces))])
+        loads = np.zeros((len(forces), self._motion.shape[0] // 3, 3))
+        for row, (nodes, force) in enumerate(forces):
+            loads[row, nodes] = force
+        reduced = self._free[:, None] * (self._motion.T @ loads.reshape(len(forces), -1).T)
+        found = np.asarray(self._solver.solve(reduced)).reshape(reduced.shape)
         twist = found[len(found) - 6 * len(self._shift):].T.reshape(len(forces), -1, 6).copy()
         twist[..., :3] += np.cross(twist[..., 3:], self._shift)
-        return moved, twist
+        return (self._motion @ found).T.reshape(loads.shape), twist
+
+
+def _motion(system: ElasticSystem, base: TissueMesh) -> sp.csr_matrix:
+    """J at rest, of the nodes of `base`, which are among those of the system's mesh, shape (3 n, n_dofs)."""
+    mesh = system.mesh
+    node = cKDTree(mesh.node_points).query(base.node_points)[1]
+    own, columns = np.nonzero(system.node_dofs(node) >= 0)
+    rows, values = [3 * own + columns], [np.ones(len(own))]
+    dofs = [system.node_dofs(node)[own, columns]]
+    for k in range(1, mesh.n_parts + 1):
+        bone = np.flatnonzero(base.node_part == k)
+        arm = base.node_points[bone] - mesh.points[mesh.part_nodes(k)].mean(axis=0)
+        first = system.n_dofs - 6 * (mesh.n_parts - k + 1)
+        turns = np.stack([np.cross(axis, arm) for axis in np.eye(3)], axis=2)
+        moves = np.concatenate([np.broadcast_to(np.eye(3), turns.shape), turns], axis=2)
+        rows.append(np.repeat(3 * bone[:, None] + np.arange(3), 6))
+        dofs.append(np.tile(first + np.arange(6), 3 * len(bone)))
+        values.append(moves.ravel())
+    entries = (np.concatenate(values), (np.concatenate(rows), np.concatenate(dofs)))
+    return sp.csr_matrix(entries, shape=(3 * base.n_nodes, system.n_dofs))
 
 
 class HeldBorder:
