@@ -62,7 +62,7 @@ class PoseDomain:
         direction = direction / np.linalg.norm(direction)
         tilt = np.rad2deg(np.arccos(np.clip(axes @ direction, -1.0, 1.0))).max()
         low, high = _extent(mesh, direction)
-        places = translations @ _across(direction).T
+        places = translations @ across_axes(direction).T
         return PoseDomain(
             float(depths.max()), _three(direction), float(tilt), _two(np.minimum(low, places.min(axis=0))),
             _two(np.maximum(high, places.max(axis=0))),
@@ -100,7 +100,7 @@ class PoseDomain:
             found.append(f"{deepest:.1f} mm beyond first touch; poses up to {self.deepest:.1f} mm were learned from")
         if tilt > self.tilt_deg + _MORE_TILT:
             found.append(f"tilted by {tilt:.0f}°; poses up to {self.tilt_deg + _MORE_TILT:.0f}° count as known")
-        places = translations @ _across(np.array(self.direction)).T
+        places = translations @ across_axes(np.array(self.direction)).T
         beside = np.maximum(np.array(self.low) - places, places - np.array(self.high)).max()
         if beside > _BESIDE:
             found.append(f"{beside:.0f} mm beside the rigid parts and the poses learned from")
@@ -118,7 +118,7 @@ class PoseDomain:
         return asdict(self)
 
 
-def _across(direction: FloatArray) -> FloatArray:
+def across_axes(direction: FloatArray) -> FloatArray:
     """Two unit vectors across a unit vector, shape (2, 3)."""
     first = np.eye(3)[np.abs(direction).argmin()]
     first = first - (first @ direction) * direction
@@ -127,7 +127,7 @@ def _across(direction: FloatArray) -> FloatArray:
 
 
 def _extent(mesh: TissueMesh, direction: FloatArray) -> tuple[FloatArray, FloatArray]:
-    points = mesh.pressed_points @ _across(direction).T
+    points = mesh.pressed_points @ across_axes(direction).T
     return points.min(axis=0), points.max(axis=0)
 
 

@@ -14,6 +14,8 @@ from mixpinn.base.validated import ArraySpec, checked_record
 from mixpinn.press.contact import PriorContact
 from mixpinn.press.domain import PoseDomain
 from mixpinn.press.error_law import PoseErrorLaw
+from mixpinn.press.force_law import TERMS, ForceLaw
+from mixpinn.press.grip import SIGNS
 from mixpinn.press.model import PoseCorrection, PoseModel
 from mixpinn.press.probe_field import ProbeField
 from mixpinn.press.records import PoseContactConfig
@@ -34,6 +36,10 @@ _CORRECTION = {
     "modes": ArraySpec("number", ("modes", "unknowns")), "gain": ArraySpec("number", ("features", "modes")),
     "wrench_gain": ArraySpec("number", ("features", 6)), "scale": ArraySpec("number", ("coordinates",)),
     "largest": ArraySpec("number", (2,), finite=False),
+}
+_LAW = {
+    "along": ArraySpec("number", (SIGNS,)), "largest": ArraySpec("number", (1,)), "axes": ArraySpec("number", (2, 3)),
+    "across": ArraySpec("number", (2, TERMS)),
 }
 _Positive = Annotated[float, Field(gt=0.0)]
 
@@ -60,6 +66,7 @@ class _About:
     domain: PoseDomain
     error: _Error | None
     bend: Annotated[float, Field(ge=0.0, le=1.0)] = 1.0
+    law: bool = False
 
 
 def save_pose_model(model: PoseModel, folder: Path | str) -> None:
@@ -74,12 +81,14 @@ def save_pose_model(model: PoseModel, folder: Path | str) -> None:
     if model.correction is not None:
         for name in _CORRECTION:
             arrays[f"correction.{name}"] = getattr(model.correction, name)
+    if model.law is not None:
+        arrays |= {f"law.{name}": value for name, value in model.law.arrays().items()}
     write_arrays(Path(folder) / POSE_FILE, arrays, about={
         "format": _FORMAT, "mesh_hash": model.hybrid.mesh.hash(), "steps": model.steps,
         "spacings": [probe.spacing for probe in model.probes],
         "contact": asdict(model.contact.config), "corrected": model.correction is not None,
         "domain": model.domain.as_dict(), "error": None if model.error is None else model.error.as_dict(),
-        "bend": model.bend,
+        "bend": model.bend, "law": model.law is not None,
     })
     seal = BUNDLE.seal_more if BUNDLE.is_sealed(folder) else BUNDLE.seal
     seal(folder, [POSE_FILE])
@@ -115,11 +124,16 @@ def load_pose_model(folder: Path | str, hybrid: HybridModel) -> PoseModel:
             found = {name: arrays[f"correction.{name}"] for name in _CORRECTION}
             _check(found, _CORRECTION, str(path), {"unknowns": hybrid.prior.coordinates.size})
             correction = PoseCorrection(*found.values())
+        law = None
+        if values.law:
+            told = {name: arrays[f"law.{name}"] for name in _LAW}
+            _check(told, _LAW, str(path), {})
+            law = ForceLaw.of_arrays(told)
         error = None if values.error is None else PoseErrorLaw.of_dict(asdict(values.error))
     except (KeyError, TypeError, ValueError) as wrong:
         raise InputError(str(path), expected="a complete pose model", got=repr(wrong), fix=_REMAKE) from wrong
     contact = PriorContact.of_prior(hybrid.prior, values.contact)
-    return PoseModel(hybrid, contact, probes, values.domain, correction, error, values.steps, values.bend)
+    return PoseModel(hybrid, contact, probes, values.domain, correction, error, values.steps, values.bend, law)
 
 
 def _check(arrays: Mapping[str, AnyArray], specs: Mapping[str, ArraySpec], where: str, extents: dict[str, int]) -> None:

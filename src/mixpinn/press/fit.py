@@ -28,6 +28,8 @@ SIZES = (2, 4, 8, 12, 16, 24)
 """Numbers of coordinates that are tried; the grid was chosen by hand, the value by validation."""
 FIELD, FORCE = slice(None, -6), slice(-6, -3)
 """Targets of the regression: coefficients of the field's modes, then force and moment."""
+FOLDS = 8
+"""Parts of the positions that are left out in turn."""
 _LARGEST = 2.0
 """A correction may grow to so many times the largest one, relative to the whole, that training samples ask for."""
 
@@ -50,6 +52,13 @@ class PoseSamples:
     group: IntArray
     rotations: FloatArray
     translations: FloatArray
+
+    def select(self, chosen: IntArray) -> "PoseSamples":
+        """The chosen samples, in that order."""
+        return PoseSamples(
+            [self.base[i] for i in chosen], self.truth[chosen], self.true_wrench[chosen], self.group[chosen],
+            self.rotations[chosen], self.translations[chosen],
+        )
 
     @property
     def coordinates(self) -> Float32Array:
@@ -110,7 +119,7 @@ def fitted_bend(model: PoseModel, table: SampleTable, *, most: int = 48) -> Pose
 
 
 def fit_pose(
-    model: PoseModel, samples: PoseSamples, *, n_modes: int = 32, folds: int = 8, seed: int = 0,
+    model: PoseModel, samples: PoseSamples, *, n_modes: int = 32, folds: int = FOLDS, seed: int = 0,
 ) -> PoseModel:
     """`model` with a correction, the errors to expect of it, and the poses that it was learned from.
 

@@ -7,8 +7,8 @@ Newton step of the true equilibrium from there, restricted to the patch of skin,
 
 and contact goes on from where it is to equilibrium with y = β s − W λ. Tissue that stiffens as it is pressed makes the
 step too long: β ≤ 1 is the part of it with which forces fit simulations best. The displacement of the loaded nodes
-then goes to the hybrid model, as one that was given would. What is left comes from contact, not from the body: it is
-learned from simulations as
+then goes to the hybrid model, as one that was given would. Where a law of the forces was learned
+(`mixpinn.press.force_law`), the body follows these instead, linearly. What is left is learned from simulations as
 
     q = q_hybrid + Ωᵀ H φ,    w = w¹ + K φ_p,    φ = [a, a ⊗ a],
 
@@ -28,6 +28,8 @@ from mixpinn.geometry.probe_pose import PATH_STEP
 from mixpinn.press.contact import PriorContact
 from mixpinn.press.domain import PoseDomain
 from mixpinn.press.error_law import PoseErrorLaw
+from mixpinn.press.force_law import ForceLaw
+from mixpinn.press.grip import LARGEST_SHIFT, Grip
 from mixpinn.press.probe_field import ProbeField
 from mixpinn.press.records import ContactHistory, ContactPrediction, check_poses
 from mixpinn.press.session import ContactSession
@@ -35,9 +37,6 @@ from mixpinn.records.answer import Trust
 from mixpinn.reduced.hybrid import HybridModel
 from mixpinn.reduced.quadratic_features import quadratic_features
 from mixpinn.reduced.row_products import combine_rows
-
-_LARGEST_SHIFT = 0.6
-"""A Newton step moves no node of the skin by more than this part of the linear answer's largest displacement."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,12 +91,14 @@ class Touch:
         rotations, translations: of the probes, shapes (p, 3, 3) and (p, 3) [mm].
         contact: nodes, displacement, forces; its history may be handed to the next call.
         bent: root mean square of the shift by the Newton step [mm].
+        learned: whether its forces were corrected: the body then follows these, not the nodes.
     """
 
     rotations: FloatArray
     translations: FloatArray
     contact: ContactPrediction
     bent: float
+    learned: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,6 +135,7 @@ class PoseModel:
         error: which errors to expect, where the model was calibrated.
         steps: Newton steps of contact; 0 leaves it on the linear body.
         bend: β, the part of a Newton step that contact takes; where it takes none, none is computed.
+        law: the force of the first of the probes, if that was learned.
     """
 
     hybrid: HybridModel
@@ -144,6 +146,7 @@ class PoseModel:
     error: PoseErrorLaw | None = None
     steps: int = 1
     bend: float = 1.0
+    law: ForceLaw | None = None
 
     def predict(
         self, rotations: AnyArray, translations: AnyArray, *, probes: Sequence[int] | None = None,
@@ -270,22 +273,37 @@ class PoseModel:
             shift = self.bend * self._shift(session)
             bent = float(np.sqrt((shift**2).sum(axis=1).mean()))
             session = session.shifted(shift)
-        return Touch(rotations, translations, session.outcome(), bent)
+        contact = session.outcome()
+        if self.law is not None and all(field is self.probes[0] for field in fields):
+            grip = Grip.of_contact(self.hybrid, contact, rotations)
+            if grip is not None:
+                leaning = history.leaning if history is not None and history.force.any() else None
+                places = self.hybrid.mesh.node_points[contact.nodes]
+                contact = self.law.corrected(contact, grip, places, translations, leaning)
+                return Touch(rotations, translations, contact, grip.bent, learned=True)
+        return Touch(rotations, translations, contact, bent)
 
     def _deformed(self, touch: Touch) -> Uncorrected:
-        """The body under a contact, as the hybrid model has it."""
+        """The body under a contact: as the hybrid model has it, or, where forces were learned, as these move it."""
         prior, readers, contact = self.hybrid.prior, self.hybrid.readers, touch.contact
         if not len(contact.nodes):
             still, zero = (np.zeros(size, dtype=np.float32) for size in (prior.coordinates.size, len(readers)))
             return Uncorrected(contact, still, zero, np.tile(zero, (len(contact.wrench), 1)))
-        rows = prior.hold(contact.nodes).rows
-        state = self.hybrid.solve(contact.nodes, contact.displacement)
+        held = prior.hold(contact.nodes)
+        if touch.learned:
+            unknowns, stepped = prior.respond_to_forces(held, contact.forces.ravel()), 0.0
+        else:
+            state = self.hybrid.solve(contact.nodes, contact.displacement)
+            unknowns, stepped = state.unknowns, float(np.linalg.norm(state.correction))
         shares = contact.shares.reshape(len(contact.shares), -1).astype(np.float32)
-        part = readers[:, rows]
-        return Uncorrected(
-            contact, state.unknowns, part @ shares.sum(axis=0), shares @ part.T, touch.bent,
-            float(np.linalg.norm(state.correction)),
-        )
+        part = readers[:, held.rows]
+        return Uncorrected(contact, unknowns, part @ shares.sum(axis=0), shares @ part.T, touch.bent, stepped)
+
+    def with_law(self, base: Uncorrected, law: ForceLaw, grip: Grip, tips: FloatArray) -> Uncorrected:
+        """A prediction without a law of forces as one with `law`; `grip` is that of its contact, `tips` (p, 3) [mm]."""
+        places = self.hybrid.mesh.node_points[base.contact.nodes]
+        contact = law.corrected(base.contact, grip, places, tips)
+        return self._deformed(Touch(np.empty((0, 3, 3)), tips, contact, grip.bent, learned=True))
 
     def _shift(self, session: ContactSession) -> FloatArray:
         """Where the patch would be without contact after one Newton step, relative to rest [mm], shape (n, 3)."""
@@ -302,6 +320,6 @@ class PoseModel:
         shift: FloatArray = -answer.reshape(-1, 3).astype(np.float64)
         # Where the linear answer is so far off that the step means nothing, it stays a part of that answer.
         here = unknowns[patch.unknowns].reshape(-1, 3).astype(np.float64)
-        most = _LARGEST_SHIFT * np.sqrt((here**2).sum(axis=1).max())
+        most = LARGEST_SHIFT * np.sqrt((here**2).sum(axis=1).max())
         size = np.sqrt((shift**2).sum(axis=1).max())
         return shift * min(1.0, float(most) / max(float(size), 1e-12))

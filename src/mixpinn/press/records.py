@@ -67,7 +67,7 @@ class PoseContactConfig:
         if order == 1:
             return PoseContactConfig(gap=gap, friction=friction)
         return PoseContactConfig(
-            gap=gap, friction=friction, spacing=12.0, stiffness=1.0, smoothing=1.2, on_the_way=2e-2,
+            gap=gap, friction=friction, spacing=12.0, stiffness=0.2, smoothing=1.2, on_the_way=2e-2,
         )
 
 
@@ -82,6 +82,7 @@ class ContactHistory:
         probe, point: of each contact the probe and the point of the skin, shape (h,).
         slip: of each its elastic slip in the probe's frame [mm], shape (h, 3).
         lead: of each the violation of the gap that counts beside the present one [mm], shape (h,).
+        leaning: how far the force of each probe leans beside that of the contact, as learned, shape (k, 3), if it is.
     """
 
     rotations: FloatArray
@@ -92,6 +93,7 @@ class ContactHistory:
     point: IntArray
     slip: FloatArray
     lead: FloatArray
+    leaning: FloatArray | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,6 +16,7 @@ from mixpinn.press.contact import PriorContact
 from mixpinn.press.domain import PoseDomain
 from mixpinn.press.files import save_pose_model
 from mixpinn.press.fit import collect, fit_pose, fitted_bend
+from mixpinn.press.fit_forces import with_force_law
 from mixpinn.press.model import PoseModel
 from mixpinn.press.records import PoseContactConfig
 from mixpinn.records import MESH_FILE, Probe, SampleTable
@@ -110,7 +111,7 @@ def fit_pose_model(
 ) -> PoseModel:
     """Contact from the pose with what the samples of `table` teach about it, and the errors to expect."""
     plain = fitted_bend(plain_pose_model(model, probe, contact), table)
-    return fit_pose(plain, collect(plain, table))
+    return fit_pose(*with_force_law(plain, collect(plain, table)))
 
 
 def save_bundle(model: HybridModel, out: Path, *, tolerance: float = 0.0) -> None:

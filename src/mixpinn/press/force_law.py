@@ -1,0 +1,111 @@
+"""ForceLaw: the force of a probe on the skin, learned from simulations, and the contact that goes with it.
+
+From a grip (`mixpinn.press.grip`) with force n along the probe, and t and δt across it,
+
+    n' = n exp(c · φ),    t'_j = (n'/n) (a_j t_j + b_j δt_j + …),
+
+φ the signs of the grip and j two axes of the body across the pressing direction: along and across the spine a body
+yields differently, so that each axis has its own coefficients, which change with depth. The difference to the force of
+the contact is shared out among the nodes as the normal force is; they move as the linear body does. The deformation is
+then the linear answer to these forces: where forces are known, it needs no contact nodes, which cells under a probe do
+not place well.
+
+Friction remembers a drag, and what a grip tells is true of a straight way. Where there is a history, the force across
+is that of the contact, and the correction the one of the last straight answer, as a part of the force along.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mixpinn.base.arrays import AnyArray, FloatArray
+from mixpinn.press.grip import Grip
+from mixpinn.press.records import ContactPrediction
+
+TERMS = 6
+"""Of the force across: that of the contact, t and δt, each alone and times the depth."""
+
+
+@dataclass(frozen=True, eq=False)
+class ForceLaw:
+    """The force of one probe.
+
+    Attributes:
+        along: c, shape (`mixpinn.press.grip.SIGNS`,).
+        largest: no force is changed by more than the factor exp(`largest`), shape (1,).
+        axes: of the body, shape (2, 3).
+        across: coefficients of the terms of the force along each, shape (2, `TERMS`).
+    """
+
+    along: FloatArray
+    largest: FloatArray
+    axes: FloatArray
+    across: FloatArray
+
+    def forces(self, grip: Grip, leaning: FloatArray | None = None) -> tuple[FloatArray, FloatArray]:
+        """Forces of the k pushing probes [N], shape (k, 3), and how far they lean beside those of the contact, (k, 3).
+
+        `leaning`, the latter of the last straight answer, says that friction remembers.
+        """
+        ratio = np.exp(np.clip(grip.signs @ self.along, -self.largest[0], self.largest[0]))
+        push = grip.push * ratio
+        plain = grip.across * ratio[:, None]
+        if leaning is None:
+            sideways = np.einsum("kjt,jt->kj", across_terms(grip, self.axes), self.across) * ratio[:, None] @ self.axes
+            sideways = sideways - np.einsum("ki,ki->k", sideways, grip.along)[:, None] * grip.along
+            leaning = (sideways - plain) / push[:, None]
+        return push[:, None] * grip.along + plain + leaning * push[:, None], leaning
+
+    def corrected(
+        self, contact: ContactPrediction, grip: Grip, places: FloatArray, tips: FloatArray,
+        leaning: FloatArray | None = None,
+    ) -> ContactPrediction:
+        """`contact` with these forces; a history of it tells how they lean.
+
+        Args:
+            contact: of p probes.
+            grip: of it.
+            places: of its nodes at rest [mm], shape (l, 3).
+            tips: of the probes [mm], shape (p, 3).
+            leaning: of an earlier answer, where friction remembers, shape (p, 3).
+        """
+        forces, found = self.forces(grip, None if leaning is None else leaning[grip.probes])
+        everywhere = np.zeros((len(tips), 3)) if leaning is None else leaning.copy()
+        everywhere[grip.probes] = found
+        changed = with_forces(contact, grip, forces, places, tips)
+        return replace(changed, history=replace(contact.history, leaning=everywhere))
+
+    def arrays(self) -> dict[str, FloatArray]:
+        """All of it by name."""
+        return {"along": self.along, "largest": self.largest, "axes": self.axes, "across": self.across}
+
+    @staticmethod
+    def of_arrays(arrays: Mapping[str, AnyArray]) -> "ForceLaw":
+        """From what `arrays` gave."""
+        along, largest, axes, across = (
+            np.asarray(arrays[name], dtype=np.float64) for name in ("along", "largest", "axes", "across")
+        )
+        return ForceLaw(along, largest, axes, across)
+
+
+def across_terms(grip: Grip, axes: FloatArray) -> FloatArray:
+    """Terms of the force across along two axes (2, 3) [N], shape (k, 2, `TERMS`)."""
+    parts = np.stack([grip.across @ axes.T, grip.held @ axes.T, grip.eased @ axes.T], axis=2)
+    return np.concatenate([parts, parts * grip.depth[:, None, None]], axis=2)
+
+
+def with_forces(
+    contact: ContactPrediction, grip: Grip, forces: FloatArray, places: FloatArray, tips: FloatArray,
+) -> ContactPrediction:
+    """`contact` whose pushing probes press with `forces` (k, 3) [N], and the skin where the linear body has it then.
+
+    `places` and `tips` as for `ForceLaw.corrected`.
+    """
+    change = forces - grip.push[:, None] * grip.along - grip.across
+    shares, wrench = contact.shares.copy(), np.zeros_like(contact.wrench)
+    shares[grip.probes] += grip.weights[:, :, None] * change[:, None]
+    displacement = contact.displacement + (grip.response @ change.ravel()).reshape(-1, 3)
+    wrench[:, :3] = -shares.sum(axis=1)
+    wrench[:, 3:] = -np.cross(places + displacement - tips[:, None], shares).sum(axis=1)
+    return replace(contact, displacement=displacement, forces=shares.sum(axis=0), shares=shares, wrench=wrench)

@@ -1,0 +1,126 @@
+"""Grip: what the forces of probes on the skin are judged by, before they are corrected.
+
+Contact from the pose is solved on the faces of the model's own mesh, which are large beside a probe's edge: it misses a
+part of the force along the probe, and most of the force across it. The latter hardly shows in the former, but a body
+that is held far away sways by it. What it must be is known better than from the contact of single points: the probe
+grips the skin, so that what presses against it does not move across it. With the normal forces n of contact shared out
+among the nodes as w, the patch moves by C f under a force f, C = Bᵀ W B with B = w ⊗ 1, and the force across that holds
+it is
+
+    t = −C_tt⁻¹ C_tn n,        δt = −C_tt⁻¹ Bᵀ s
+
+to second order, where s is the way that one Newton step of the true equilibrium leads the nodes under n and t.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mixpinn.base.arrays import FloatArray, IntArray
+from mixpinn.geometry.probe_pose import PROBE_AXIS
+from mixpinn.press.records import ContactPrediction
+from mixpinn.reduced.hybrid import HybridModel
+from mixpinn.reduced.row_products import block_of
+
+LARGEST_SHIFT = 0.6
+"""A Newton step moves no node of the skin by more than this part of the linear answer's largest displacement."""
+_DEPTH = 20.0
+"""Depths are told as parts of this [mm]."""
+_LEAST = 1e-3
+"""Of a force whose logarithm is taken [N]."""
+SIGNS = 10
+"""Signs of the force along a probe: 1, d, d², log n, d log n, log c, d log c, log |C_tt|, r and r²; d the depth, c the
+compliance along the probe, r the share of the way along that the Newton step takes back."""
+
+
+@dataclass(frozen=True, eq=False)
+class Grip:
+    """Forces of k pushing probes on l nodes.
+
+    Attributes:
+        probes: which of the contact's probes push, shape (k,).
+        weights: w of each, shape (k, l).
+        response: displacement of the nodes under a unit force of each probe along x, y, z [mm/N], shape (3 l, 3 k).
+        along: pressing directions, shape (k, 3).
+        push: force along them [N], shape (k,).
+        across: rest of the force in the contact [N], shape (k, 3).
+        held: t, what holds the skin where it is [N], shape (k, 3).
+        eased: δt [N], shape (k, 3).
+        depth: beyond first touch, as a part of `_DEPTH`, shape (k,).
+        signs: of the force along, shape (k, `SIGNS`).
+        bent: root mean square of s [mm].
+    """
+
+    probes: IntArray
+    weights: FloatArray
+    response: FloatArray
+    along: FloatArray
+    push: FloatArray
+    across: FloatArray
+    held: FloatArray
+    eased: FloatArray
+    depth: FloatArray
+    signs: FloatArray
+    bent: float
+
+    @staticmethod
+    def of_contact(hybrid: HybridModel, contact: ContactPrediction, rotations: FloatArray) -> "Grip | None":
+        """The grip of a contact of probes with rotations (p, 3, 3); None where nothing is pushed."""
+        axes = rotations @ PROBE_AXIS
+        normal = np.maximum(np.einsum("kli,ki->kl", contact.shares, axes), 0.0)
+        total = contact.shares.sum(axis=1)
+        push = np.einsum("ki,ki->k", total, axes)
+        probes = np.flatnonzero((push > 0.0) & (normal.sum(axis=1) > 0.0))
+        if not len(probes):
+            return None
+        k, along, push = len(probes), axes[probes], push[probes]
+        weights = normal[probes] / normal[probes].sum(axis=1, keepdims=True)
+        across = total[probes] - push[:, None] * along
+        system = hybrid.prior.hold(contact.nodes)
+        block = block_of(hybrid.prior.own_compliance, system.rows)
+        spread = np.einsum("kl,ij->likj", weights, np.eye(3)).reshape(3 * weights.shape[1], 3 * k)
+        response = block @ spread
+        patch = spread.T @ response
+        sides = np.zeros((3 * k, 2 * k))
+        for i, turn in enumerate(rotations[probes]):
+            sides[3 * i : 3 * i + 3, 2 * i : 2 * i + 2] = turn[:, [0, 2]]
+        yielding = sides.T @ patch @ sides
+        normal_force = (push[:, None] * along).ravel()
+        held = -(sides @ np.linalg.solve(yielding, sides.T @ (patch @ normal_force)))
+        forces = contact.forces + np.einsum("kl,ki->li", weights, held.reshape(k, 3) - across)
+        shift, here = _shift(hybrid, contact.nodes, forces)
+        moved, way = spread.T @ shift.ravel(), spread.T @ here.ravel()
+        eased = -(sides @ np.linalg.solve(yielding, sides.T @ moved))
+        back = -np.einsum("ki,ki->k", moved.reshape(k, 3), along) / np.maximum(
+            np.einsum("ki,ki->k", way.reshape(k, 3), along), 1e-9,
+        )
+        depth = np.maximum(contact.depths[probes], 0.0) / _DEPTH
+        own = np.stack([patch[3 * i : 3 * i + 3, 3 * i : 3 * i + 3] for i in range(k)])
+        sideways = np.stack([yielding[2 * i : 2 * i + 2, 2 * i : 2 * i + 2] for i in range(k)])
+        compliance = np.log(np.einsum("ki,kij,kj->k", along, own, along))
+        force, one = np.log(np.maximum(push, _LEAST)), np.ones(k)
+        signs = np.stack([
+            one, depth, depth**2, force, depth * force, compliance, depth * compliance,
+            np.log(np.linalg.det(sideways)), back, back**2,
+        ], axis=1)
+        return Grip(
+            probes, weights, response, along, push, across, held.reshape(k, 3), eased.reshape(k, 3), depth, signs,
+            float(np.sqrt((shift**2).sum(axis=1).mean())),
+        )
+
+
+def _shift(hybrid: HybridModel, nodes: IntArray, forces: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Where one Newton step leads nodes (l,) under forces (l, 3) from the linear answer, and that answer [mm], (l, 3).
+
+    Where the linear answer is so far off that the step means nothing, it stays a part of that answer.
+    """
+    prior, coordinates = hybrid.prior, hybrid.prior.coordinates
+    system = prior.hold(nodes)
+    unknowns = prior.respond_to_forces(system, forces.ravel())
+    residual = hybrid.newton.equilibrium.residual(unknowns, coordinates)
+    residual[system.unknowns] -= forces.ravel().astype(np.float32)
+    shift: FloatArray = -prior.compliance.read(system.rows, residual).reshape(-1, 3).astype(np.float64)
+    here = unknowns[system.unknowns].reshape(-1, 3).astype(np.float64)
+    most = LARGEST_SHIFT * np.sqrt((here**2).sum(axis=1).max())
+    size = np.sqrt((shift**2).sum(axis=1).max())
+    return shift * min(1.0, float(most) / max(float(size), 1e-12)), here
