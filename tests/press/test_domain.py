@@ -47,5 +47,16 @@ def test_what_makes_no_sense_is_refused(domain, tilt, depth) -> None:
         domain.refuse_nonsense(turned(tilt), np.array([depth]))
 
 
+def test_tips_outside_of_all_learned_from_are_told_apart_steadily(domain) -> None:
+    def beyond(*place):
+        return domain.beyond(np.array([place]))
+
+    assert beyond(20.0, 30.0, 20.0) == beyond(25.0, 0.0, 15.0) == 0.0
+    assert beyond(28.0, 30.0, 20.0) == pytest.approx(3.0)
+    assert beyond(28.0, 30.0, 11.0) == pytest.approx(5.0)
+    assert domain.beyond(np.array([[20.0, 30.0, 20.0], [25.0, 30.0, 27.0]])) == pytest.approx(2.0)
+    assert PoseDomain.of_mesh(block_mesh()).beyond(np.array([[500.0, 0.0, 0.0]])) == 0.0  # nothing was learned from
+
+
 def test_plain_values_keep_a_domain(domain) -> None:
     assert checked_record(PoseDomain, domain.as_dict(), "pose model", remake="fit it again") == domain

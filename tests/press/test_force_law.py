@@ -22,6 +22,7 @@ from mixpinn.reduced.equilibrium import Equilibrium
 from mixpinn.reduced.hybrid import HybridModel
 from mixpinn.reduced.modal_newton import ModalNewton
 from mixpinn.reduced.prior import ElasticPrior
+from mixpinn.reduced.rows import Rows
 from reduced.pressed_block import TISSUE, top_nodes
 from training.toy_block import block_mesh
 
@@ -34,7 +35,7 @@ def model():
     mesh = block_mesh()
     prior = ElasticPrior.build(mesh, [TISSUE], nodes=top_nodes(mesh), linear=SuperLUSolver())
     size, rows = prior.coordinates.size, 3 * len(prior.nodes)
-    nothing = np.zeros((0, size), np.float32)
+    nothing = Rows.of(np.zeros((0, size)))
     newton = ModalNewton(
         prior, Equilibrium.of_materials(mesh, [TISSUE]), nothing, nothing, np.zeros((0, rows), np.float32),
     )

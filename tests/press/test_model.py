@@ -182,6 +182,18 @@ def test_features_are_zero_at_rest_and_quadratic() -> None:
     assert_allclose(quadratic_features(np.array([2.0, 3.0])), [2.0, 3.0, 4.0, 6.0, 9.0])
 
 
+def test_bounds_grow_outside_of_what_was_learned_from(model) -> None:
+    fitted = fit_pose(model, synthetic(model, 100, 1), n_modes=3)
+    known = replace(fitted, domain=replace(fitted.domain, learned_low=(0.0, 0.0), learned_high=(40.0, 40.0)))
+    inside = known.predict(TURN, tip()).trust
+    beside = replace(known, domain=replace(known.domain, learned_low=(0.0, 32.0))).predict(TURN, tip()).trust
+    assert beside.bound == pytest.approx(1.4 * inside.bound)  # 10 mm outside
+    assert beside.force_bound == pytest.approx(1.4 * inside.force_bound)
+    assert beside.expected == pytest.approx(1.4 * inside.expected)
+    nearer = replace(known, domain=replace(known.domain, learned_low=(0.0, 22.001))).predict(TURN, tip()).trust
+    assert nearer.bound == pytest.approx(inside.bound, rel=1e-3)
+
+
 def test_files_keep_a_model_and_refuse_a_damaged_one(model, tmp_path) -> None:
     fitted = fit_pose(model, synthetic(model, 100, 1), n_modes=3)
     save_pose_model(fitted, tmp_path)

@@ -31,6 +31,7 @@ class PoseDomain:
         direction: mean pressing direction, of length 1.
         tilt_deg: largest angle from it [degree].
         low, high: bounds of the tip along two axes across the direction [mm].
+        learned_low, learned_high: bounds of the tips that were learned from, which may leave out an end of the bones.
     """
 
     deepest: float
@@ -38,6 +39,8 @@ class PoseDomain:
     tilt_deg: float
     low: tuple[float, float]
     high: tuple[float, float]
+    learned_low: tuple[float, float] | None = None
+    learned_high: tuple[float, float] | None = None
 
     @staticmethod
     def of_mesh(mesh: TissueMesh, *, deepest: float = 20.0) -> "PoseDomain":
@@ -65,8 +68,19 @@ class PoseDomain:
         places = translations @ across_axes(direction).T
         return PoseDomain(
             float(depths.max()), _three(direction), float(tilt), _two(np.minimum(low, places.min(axis=0))),
-            _two(np.maximum(high, places.max(axis=0))),
+            _two(np.maximum(high, places.max(axis=0))), _two(places.min(axis=0)), _two(places.max(axis=0)),
         )
+
+    def beyond(self, translations: FloatArray) -> float:
+        """How far the outermost of k tips (k, 3) lies outside of all that were learned from, across the direction [mm].
+
+        Zero where that is not known.
+        """
+        if self.learned_low is None or self.learned_high is None:
+            return 0.0
+        places = translations @ across_axes(np.array(self.direction)).T
+        outside = np.maximum(np.array(self.learned_low) - places, places - np.array(self.learned_high))
+        return float(np.linalg.norm(np.maximum(outside, 0.0), axis=1).max(initial=0.0))
 
     def refuse_nonsense(self, rotations: FloatArray, depths: FloatArray) -> None:
         """Stop before a pose is solved that no answer could be given for.

@@ -59,10 +59,11 @@ class PoseContactConfig:
     def of_order(order: int, *, gap: float, friction: float) -> "PoseContactConfig":
         """The settings for cells of an order, 1 or 2.
 
-        Faces of six nodes have three points on each part already, so that parts three times as long sample them well,
-        and a contact that gives way over more than a millimetre spares most iterations. Both were chosen on poses that
-        were not fitted on, of two patients onboarded by default: errors of fields, motions and forces are a tenth to a
-        sixth smaller than with the settings of flat faces, which sampled curved ones every millimetre.
+        Faces of six nodes have three points on each part already, so that parts three times as long sample them well.
+        These faces are larger than a probe is wide, and stiffer at its edge than skin: points that give way by about a
+        millimetre stand for what the skin gives way between nodes, and spare most iterations. All was chosen on poses
+        that were not fitted on, of two patients onboarded by default; with half the stiffness single deep presses did
+        not converge.
         """
         if order == 1:
             return PoseContactConfig(gap=gap, friction=friction)
