@@ -8,8 +8,8 @@ a power of their edge length (`mixpinn.fem.local_refinement`); two lengths, one 
 none. The reference is the extrapolation from the two finest; its uncertainty is how far it is from that of the next
 pair. What cells along the border of the held skin leave falls with their edge length: beside edges of ``--rest`` mm
 under the probe, cells along the border are halved to 12 and 6 mm, and what both tend to beyond the mesh as it is
-belongs to the reference. For the poses ``--halved`` every edge is halved besides; the change tells what all other cells
-leave, and is printed.
+belongs to the reference; poses without are left out. For the poses ``--halved`` every edge is halved besides; the
+change tells what all other cells leave, and is printed.
 
 Every solve is kept in the cache (``MIXPINN_CACHE``), so that a run goes on where an earlier one ended; a pose that was
 interrupted is pressed again, and the depths that it had reached count until then. ``--minutes`` ends a run after that
@@ -324,9 +324,12 @@ def report(
     poses = [number for number in range(len(POSES)) if (reference, number) in found]
     truth = {number: found[reference, number] for number in poses}
     border, unsure, halved = ({"poses": 0.0} for _ in range(3))
-    for number in poses:
-        more = [] if rest is None else change(found, rest, number)
-        if rest is None or len(more) < 3:
+    for number in list(poses):
+        if rest is None:
+            break
+        more = change(found, rest, number)
+        if len(more) < 3:
+            poses.remove(number)
             continue
         plain, finest = truth[number], more[0][1]
         truth[number] = combination([(1.0, plain), *more])

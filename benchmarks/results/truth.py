@@ -68,7 +68,8 @@ def errors(values: Data) -> str:
     if not values["rows"]:
         return "No converged solution on these facets yet.\n"
     rows = [
-        (level, f"{100 * row['force']:.1f}", f"{row['vertebra_mm']:.3f}", f"{row['field_mm']:.3f}")
+        (level, f"{100 * row['force']:.1f}", f"{row['vertebra_mm']:.3f}", f"{row['vertebra_bar']:.2f}",
+         f"{row['field_mm']:.3f}", f"{row['poses']:.0f}")
         for level in levels(values["rows"]) for row in [values["rows"][level]]
     ]
     unsure = values["uncertainty"]
@@ -80,7 +81,7 @@ def errors(values: Data) -> str:
     tool = f" with the {values['probe']}, order {values['order']:g}" if "probe" in values else ""
     return (
         f"Against {values['reference']}{tool}, over {values['poses']} pose(s){doubt}:\n\n"
-        + table(("Cells", "Force [%]", "Vertebra [mm]", "Field, mean [mm]"), rows)
+        + table(("Cells", "Force [%]", "Vertebra [mm]", "of its bar", "Field, mean [mm]", "Poses"), rows)
     )
 
 
@@ -92,7 +93,8 @@ def render(data: Data) -> str:
         "*halved* is the same mesh with every edge halved; *edges of h mm* are quadratic cells refined under the probe "
         "until no edge there is longer; *held border* is the line where skin stops being held; all on the same facets. "
         "The error falls with a power of h that the tool's edges decide, so that two lengths tell what they tend to. A "
-        "dash is a depth that was not reached.\n",
+        "dash is a depth that was not reached. Errors are the largest over depths and poses; a vertebra's bar is 2 % "
+        "of its motion or 0.05 mm, whichever is larger.\n",
     ]
     for words, values in data["meshes"].items():
         lines += [f"### {words}\n", errors(values), forces(values)]
