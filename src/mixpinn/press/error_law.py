@@ -43,7 +43,7 @@ class PoseErrorLaw:
         return found
 
     @staticmethod
-    def fit(signs: FloatArray, errors: FloatArray, groups: AnyArray, *, level: float = 0.95, penalty: float = 1e-2) -> (
+    def fit(signs: FloatArray, errors: FloatArray, groups: AnyArray, *, level: float = 0.95, penalty: float = 1e-3) -> (
         "PoseErrorLaw"
     ):
         """Calibrate.

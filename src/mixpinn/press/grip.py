@@ -63,6 +63,11 @@ class Grip:
     signs: FloatArray
     bent: float
 
+    @property
+    def taken_back(self) -> float:
+        """The largest share of the way along a probe that the Newton step takes back, or adds."""
+        return float(np.abs(self.signs[:, 8]).max())
+
     @staticmethod
     def of_contact(hybrid: HybridModel, contact: ContactPrediction, rotations: FloatArray) -> "Grip | None":
         """The grip of a contact of probes with rotations (p, 3, 3); None where nothing is pushed."""

@@ -41,6 +41,8 @@ from mixpinn.reduced.row_products import combine_rows
 _TWICE = 25.0
 """Errors are expected to be twice as large this far outside of all tips that were learned from [mm]. Without it, where
 an end of one patient's spine was left out of the fit, bounds held for nine in ten of 150 presses up to 50 mm away."""
+_SOME = 0.03
+"""A smaller share of the way, taken back by a Newton step, tells no more of the error."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,6 +98,7 @@ class Touch:
         contact: nodes, displacement, forces; its history may be handed to the next call.
         bent: root mean square of the shift by the Newton step [mm].
         learned: whether its forces were corrected: the body then follows these, not the nodes.
+        taken_back: share of the way that a Newton step takes back then, see `Grip.taken_back`.
     """
 
     rotations: FloatArray
@@ -103,6 +106,7 @@ class Touch:
     contact: ContactPrediction
     bent: float
     learned: bool = False
+    taken_back: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,7 +119,8 @@ class Uncorrected:
         coordinates: a of all forces, shape (k,).
         of_probes: a of the forces of each probe, shape (p, k).
         bent: root mean square of the shift by the Newton step [mm].
-        stepped: norm of the hybrid model's correction [mm times √n].
+        stepped: norm of the hybrid model's correction [mm times √n]; where the body follows learned forces, the share
+            of the way that a Newton step takes back, beside a little, times √n.
     """
 
     contact: ContactPrediction
@@ -285,7 +290,7 @@ class PoseModel:
                 leaning = history.leaning if history is not None and history.force.any() else None
                 places = self.hybrid.mesh.node_points[contact.nodes]
                 contact = self.law.corrected(contact, grip, places, translations, leaning)
-                return Touch(rotations, translations, contact, grip.bent, learned=True)
+                return Touch(rotations, translations, contact, grip.bent, True, grip.taken_back)
         return Touch(rotations, translations, contact, bent)
 
     def _deformed(self, touch: Touch) -> Uncorrected:
@@ -296,7 +301,8 @@ class PoseModel:
             return Uncorrected(contact, still, zero, np.tile(zero, (len(contact.wrench), 1)))
         held = prior.hold(contact.nodes)
         if touch.learned:
-            unknowns, stepped = prior.respond_to_forces(held, contact.forces.ravel()), 0.0
+            unknowns = prior.respond_to_forces(held, contact.forces.ravel())
+            stepped = float(np.sqrt(self.hybrid.mesh.n_points)) * (_SOME + touch.taken_back)
         else:
             state = self.hybrid.solve(contact.nodes, contact.displacement)
             unknowns, stepped = state.unknowns, float(np.linalg.norm(state.correction))
@@ -308,7 +314,7 @@ class PoseModel:
         """A prediction without a law of forces as one with `law`; `grip` is that of its contact, `tips` (p, 3) [mm]."""
         places = self.hybrid.mesh.node_points[base.contact.nodes]
         contact = law.corrected(base.contact, grip, places, tips)
-        return self._deformed(Touch(np.empty((0, 3, 3)), tips, contact, grip.bent, learned=True))
+        return self._deformed(Touch(np.empty((0, 3, 3)), tips, contact, grip.bent, True, grip.taken_back))
 
     def _shift(self, session: ContactSession) -> FloatArray:
         """Where the patch would be without contact after one Newton step, relative to rest [mm], shape (n, 3)."""
