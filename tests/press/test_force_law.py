@@ -101,21 +101,42 @@ def test_the_skin_goes_with_the_force(model) -> None:
     assert_allclose(same.displacement, contact.displacement, atol=1e-12)
 
 
-def test_friction_remembers_how_the_force_leans(model) -> None:
+def test_the_way_down_is_the_straight_one_with_a_history_too(model) -> None:
+    learned, history = replace(model, law=a_law()), None
+    for depth in (1.0, 2.0, 3.0):
+        way = tip() + (3.0 - depth) * TURN[:, 1]  # along the probe's axis
+        stepped = learned.touch(TURN[None], way[None], history=history)
+        history = stepped.contact.history
+    straight = learned.touch(TURN[None], way[None])
+    assert straight.learned
+    assert_allclose(stepped.contact.wrench[0, :3], straight.contact.wrench[0, :3], atol=2e-3)
+    assert_allclose(history.dragged, 0.0, atol=1e-9)
+
+
+def test_a_drag_pulls_by_the_compliance_of_the_patch_until_it_slides(model) -> None:
     learned = replace(model, law=a_law())
-    first = learned.touch(TURN[None], tip()[None])
-    assert first.learned
-    again = learned.touch(TURN[None], tip()[None], history=first.contact.history)
-    assert_allclose(again.contact.wrench, first.contact.wrench, atol=2e-3 * np.abs(first.contact.wrench).max())
-    plain = model.touch(TURN[None], tip()[None]).contact
-    dragged = tip() + np.array([0.6, 0.0, 0.0])
-    after, before = (
-        each.touch(TURN[None], dragged[None], history=start).contact
-        for each, start in ((learned, first.contact.history), (model, plain.history))
-    )
-    pulled = before.wrench[0, 0] - plain.wrench[0, 0]
-    assert abs(pulled) > 0.05  # the probe drags the skin, and what was learned does not undo it
-    assert_allclose(after.wrench[0, 0] - first.contact.wrench[0, 0], pulled, rtol=0.3)
+    first = learned.touch(TURN[None], tip()[None]).contact
+    aside = TURN[:, 0]
+    after = learned.touch(TURN[None], (tip() + 0.4 * aside)[None], history=first.history).contact
+    contact = model.touch(TURN[None], (tip() + 0.4 * aside)[None], history=model.touch(
+        TURN[None], tip()[None]).contact.history).contact
+    before = model.touch(TURN[None], tip()[None]).contact
+    pulled = -(after.wrench - first.wrench)[0, :3] @ aside
+    assert pulled > 0.05
+    assert_allclose(pulled, -(contact.wrench - before.wrench)[0, :3] @ aside, rtol=0.3)  # as contact points pull
+    assert_allclose(after.history.dragged[0], 0.4 * aside, atol=1e-9)
+    grip = Grip.of_contact(model.hybrid, before, TURN[None])
+    assert_allclose(grip.way_of(grip.force_of(0.4 * aside[None])), 0.4 * aside[None], atol=1e-9)
+    forces, held = a_law().forces(grip, 50.0 * aside[None], friction=0.5)
+    along = forces @ grip.along[0]
+    leaning = forces - along[:, None] * grip.along
+    assert_allclose(np.linalg.norm(leaning, axis=1), 0.5 * along, rtol=1e-9)
+    assert 0.0 < np.linalg.norm(held) < 50.0
+    again, same = a_law().forces(replace(grip, across=grip.across + grip.force_of(held)), held, friction=0.5)
+    reference, _ = a_law().forces(grip)
+    straight = reference - (reference @ grip.along[0])[:, None] * grip.along
+    assert_allclose(again - along[:, None] * grip.along, straight + grip.force_of(held), atol=1e-6)
+    assert_allclose(same, held, rtol=1e-6)
 
 
 def test_probes_far_apart_and_none_at_all(model) -> None:

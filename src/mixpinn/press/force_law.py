@@ -10,8 +10,8 @@ the contact is shared out among the nodes as the normal force is; they move as t
 then the linear answer to these forces: where forces are known, it needs no contact nodes, which cells under a probe do
 not place well.
 
-Friction remembers a drag, and what a grip tells is true of a straight way. Where there is a history, the force across
-is that of the contact, and the correction the one of the last straight answer, as a part of the force along.
+Friction remembers a drag: a patch that was moved across by w, and grips, pulls with C_tt⁻¹ w more. Where that leans
+farther than friction holds, t' is cut back, and w with it: the probe has slid.
 """
 
 from collections.abc import Mapping
@@ -43,38 +43,52 @@ class ForceLaw:
     axes: FloatArray
     across: FloatArray
 
-    def forces(self, grip: Grip, leaning: FloatArray | None = None) -> tuple[FloatArray, FloatArray]:
-        """Forces of the k pushing probes [N], shape (k, 3), and how far they lean beside those of the contact, (k, 3).
+    def forces(
+        self, grip: Grip, dragged: FloatArray | None = None, *, friction: float = 1.0,
+    ) -> tuple[FloatArray, FloatArray]:
+        """Forces of the k pushing probes [N], shape (k, 3), and how far they hold the skin from where it was, (k, 3).
 
-        `leaning`, the latter of the last straight answer, says that friction remembers.
+        Args:
+            grip: of the contact.
+            dragged: how far each probe was moved across since it gripped [mm], shape (k, 3); None: straight down.
+            friction: Coulomb's coefficient.
         """
         ratio = np.exp(np.clip(grip.signs @ self.along, -self.largest[0], self.largest[0]))
         push = grip.push * ratio
-        plain = grip.across * ratio[:, None]
-        if leaning is None:
-            sideways = np.einsum("kjt,jt->kj", across_terms(grip, self.axes), self.across) * ratio[:, None] @ self.axes
-            sideways = sideways - np.einsum("ki,ki->k", sideways, grip.along)[:, None] * grip.along
-            leaning = (sideways - plain) / push[:, None]
-        return push[:, None] * grip.along + plain + leaning * push[:, None], leaning
+        still = np.zeros_like(grip.along) if dragged is None else _across(dragged, grip.along)
+        pull = grip.force_of(still)
+        terms = across_terms(replace(grip, across=grip.across - pull), self.axes)
+        straight = _across(np.einsum("kjt,jt->kj", terms, self.across) * ratio[:, None] @ self.axes, grip.along)
+        if dragged is None:
+            return push[:, None] * grip.along + straight, still
+        leaning = straight + pull
+        size = np.linalg.norm(leaning, axis=1)
+        limit = np.maximum(friction * push, np.linalg.norm(straight, axis=1))
+        leaning = leaning * np.minimum(1.0, limit / np.maximum(size, 1e-12))[:, None]
+        slides = size > limit
+        if slides.any():
+            still = np.where(slides[:, None], grip.way_of(leaning - straight), still)
+        return push[:, None] * grip.along + leaning, still
 
     def corrected(
         self, contact: ContactPrediction, grip: Grip, places: FloatArray, tips: FloatArray,
-        leaning: FloatArray | None = None,
+        dragged: FloatArray | None = None, *, friction: float = 1.0,
     ) -> ContactPrediction:
-        """`contact` with these forces; a history of it tells how they lean.
+        """`contact` with these forces; a history of it tells how far the skin is held from where it was.
 
         Args:
             contact: of p probes.
             grip: of it.
             places: of its nodes at rest [mm], shape (l, 3).
             tips: of the probes [mm], shape (p, 3).
-            leaning: of an earlier answer, where friction remembers, shape (p, 3).
+            dragged: as for `forces`, of all probes, shape (p, 3).
+            friction: Coulomb's coefficient.
         """
-        forces, found = self.forces(grip, None if leaning is None else leaning[grip.probes])
-        everywhere = np.zeros((len(tips), 3)) if leaning is None else leaning.copy()
-        everywhere[grip.probes] = found
+        forces, held = self.forces(grip, None if dragged is None else dragged[grip.probes], friction=friction)
+        everywhere = np.zeros((len(tips), 3))
+        everywhere[grip.probes] = held
         changed = with_forces(contact, grip, forces, places, tips)
-        return replace(changed, history=replace(contact.history, leaning=everywhere))
+        return replace(changed, history=replace(contact.history, dragged=everywhere))
 
     def arrays(self) -> dict[str, FloatArray]:
         """All of it by name."""
@@ -87,6 +101,12 @@ class ForceLaw:
             np.asarray(arrays[name], dtype=np.float64) for name in ("along", "largest", "axes", "across")
         )
         return ForceLaw(along, largest, axes, across)
+
+
+def _across(vectors: FloatArray, along: FloatArray) -> FloatArray:
+    """The parts of vectors (k, 3) across unit vectors (k, 3)."""
+    found: FloatArray = vectors - np.einsum("ki,ki->k", vectors, along)[:, None] * along
+    return found
 
 
 def across_terms(grip: Grip, axes: FloatArray) -> FloatArray:

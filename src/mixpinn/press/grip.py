@@ -41,6 +41,8 @@ class Grip:
         probes: which of the contact's probes push, shape (k,).
         weights: w of each, shape (k, l).
         response: displacement of the nodes under a unit force of each probe along x, y, z [mm/N], shape (3 l, 3 k).
+        sides: two directions across each, shape (3 k, 2 k).
+        yielding: C_tt, displacement of the patches along them under forces along them [mm/N], shape (2 k, 2 k).
         along: pressing directions, shape (k, 3).
         push: force along them [N], shape (k,).
         across: rest of the force in the contact [N], shape (k, 3).
@@ -54,6 +56,8 @@ class Grip:
     probes: IntArray
     weights: FloatArray
     response: FloatArray
+    sides: FloatArray
+    yielding: FloatArray
     along: FloatArray
     push: FloatArray
     across: FloatArray
@@ -62,6 +66,16 @@ class Grip:
     depth: FloatArray
     signs: FloatArray
     bent: float
+
+    def force_of(self, moved: FloatArray) -> FloatArray:
+        """Forces across that move the patches across by `moved` (k, 3) [mm], shape (k, 3) [N]."""
+        found: FloatArray = self.sides @ np.linalg.solve(self.yielding, self.sides.T @ moved.ravel())
+        return found.reshape(-1, 3)
+
+    def way_of(self, force: FloatArray) -> FloatArray:
+        """How far forces across (k, 3) [N] move the patches across [mm], shape (k, 3)."""
+        found: FloatArray = self.sides @ (self.yielding @ (self.sides.T @ force.ravel()))
+        return found.reshape(-1, 3)
 
     @property
     def taken_back(self) -> float:
@@ -109,8 +123,8 @@ class Grip:
             np.log(np.linalg.det(sideways)), back, back**2,
         ], axis=1)
         return Grip(
-            probes, weights, response, along, push, across, held.reshape(k, 3), eased.reshape(k, 3), depth, signs,
-            float(np.sqrt((shift**2).sum(axis=1).mean())),
+            probes, weights, response, sides, yielding, along, push, across, held.reshape(k, 3), eased.reshape(k, 3),
+            depth, signs, float(np.sqrt((shift**2).sum(axis=1).mean())),
         )
 
 

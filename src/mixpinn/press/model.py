@@ -287,9 +287,11 @@ class PoseModel:
         if self.law is not None and all(field is self.probes[0] for field in fields):
             grip = Grip.of_contact(self.hybrid, contact, rotations)
             if grip is not None:
-                leaning = history.leaning if history is not None and history.force.any() else None
-                places = self.hybrid.mesh.node_points[contact.nodes]
-                contact = self.law.corrected(contact, grip, places, translations, leaning)
+                places, dragged = self.hybrid.mesh.node_points[contact.nodes], None
+                if history is not None and history.dragged is not None and history.force.any():
+                    dragged = history.dragged + translations - history.translations
+                friction = self.contact.config.friction
+                contact = self.law.corrected(contact, grip, places, translations, dragged, friction=friction)
                 return Touch(rotations, translations, contact, grip.bent, True, grip.taken_back)
         return Touch(rotations, translations, contact, bent)
 

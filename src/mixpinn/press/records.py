@@ -83,7 +83,7 @@ class ContactHistory:
         probe, point: of each contact the probe and the point of the skin, shape (h,).
         slip: of each its elastic slip in the probe's frame [mm], shape (h, 3).
         lead: of each the violation of the gap that counts beside the present one [mm], shape (h,).
-        leaning: how far the force of each probe leans beside that of the contact, as learned, shape (k, 3), if it is.
+        dragged: how far each probe was moved across since it gripped the skin, where forces were learned [mm], (k, 3).
     """
 
     rotations: FloatArray
@@ -94,7 +94,7 @@ class ContactHistory:
     point: IntArray
     slip: FloatArray
     lead: FloatArray
-    leaning: FloatArray | None = None
+    dragged: FloatArray | None = None
 
 
 @dataclass(frozen=True, eq=False)
