@@ -38,7 +38,7 @@ def read_store(folder):
 READERS = {
     "bundle": (load_predictor, (
         "hybrid.json", "hybrid.safetensors", "pose.safetensors", "mesh.vtu", "prior/prior.json",
-        "prior/numbers.npy", "prior/scale.npy", "prior/exact.npy", "prior/manifest.json",
+        "prior/near.npy", "prior/near_scale.npy", "prior/far.npy", "prior/exact.npy", "prior/manifest.json",
     )),
     "model": (load_predictor, ("model.json", "weights.safetensors", "mesh.vtu")),
     "anatomy": (lambda folder: LabelMap.load(folder / "labels.nii.gz"), ("labels.nii.gz", "labels.json")),
