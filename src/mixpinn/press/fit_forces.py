@@ -87,7 +87,7 @@ class _Rows:
 def with_force_law(model: PoseModel, samples: PoseSamples, *, folds: int = FOLDS) -> tuple[PoseModel, PoseSamples]:
     """`model` with a law of forces and its samples, predicted by laws that were not fitted at their positions.
 
-    Both as they are where positions are fewer than four, or where no law brings fields nearer for sure.
+    Both as they are where positions are fewer than four, or where no law helps for sure.
 
     Args:
         model: without a law.
@@ -116,11 +116,21 @@ def with_force_law(model: PoseModel, samples: PoseSamples, *, folds: int = FOLDS
         for before, one, grip, tip in zip(samples.base, fold, grips, samples.translations, strict=True)
     ]
     learned = replace(samples, base=base)
-    weights = model.hybrid.prior.coordinates.weights
-    after, before = (np.linalg.norm(weights * each.missed, axis=1) for each in (learned, samples))
-    if not smaller(after, before, part, margin=True):
+    if not _helps(model, learned, samples, part):
         return model, samples
     return replace(model, law=_law(rows, np.ones(len(fold), dtype=bool), *chosen)), learned
+
+
+def _helps(model: PoseModel, learned: PoseSamples, plain: PoseSamples, part: IntArray) -> bool:
+    """Whether fields or forces come nearer for sure, and fields are not farther off.
+
+    Forces that are right are worth having: what fields then still miss is the same everywhere, and is learned next.
+    """
+    weights = model.hybrid.prior.coordinates.weights
+    fields = [np.linalg.norm(weights * each.missed, axis=1) for each in (learned, plain)]
+    forces = [np.linalg.norm(each.missed_wrench[:, :3], axis=1) for each in (learned, plain)]
+    surely = any(smaller(after, before, part, margin=True) for after, before in (fields, forces))
+    return surely and smaller(fields[0], fields[1], part, margin=False)
 
 
 _Choice = tuple[tuple[int, ...], float]
