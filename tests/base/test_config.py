@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from mixpinn.base.config import build_config, merge, parse_overrides, read_config_file
 from mixpinn.base.errors import InputError
+from mixpinn.pipeline import RunConfig
 
 
 @dataclass(frozen=True)
@@ -45,6 +46,16 @@ def test_bad_settings_are_named(values, says):
         build_config(Outer, values)
     assert says in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_a_group_that_may_be_absent_is_so_by_the_word_none(tmp_path):
+    (tmp_path / "run.toml").write_text('[simulation]\nrefinement = "none"\njoints = "none"\n')
+    built = build_config(RunConfig, read_config_file(tmp_path / "run.toml"))
+    assert built.simulation.refinement is None
+    assert built.simulation.joints == "none"  # a word where words are meant stays one
+    assert RunConfig().simulation.refinement is not None
+    with pytest.raises(InputError, match=r"simulation\.protocol"):
+        build_config(RunConfig, {"simulation": {"protocol": "none"}})
 
 
 def test_seeds_are_not_negative():

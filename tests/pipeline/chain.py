@@ -14,11 +14,12 @@ import pytest
 
 from mixpinn.anatomy.phantom import TINY_PHANTOM
 from mixpinn.cli import main
+from mixpinn.mesh import Grading
 
 ANATOMY = {"source": "phantom", "phantom": asdict(TINY_PHANTOM)}
-MESH = {"size": 4.0}
+MESH = {"size": 4.0, "element": "linear", "grading": asdict(Grading())}
 SIMULATION = {
-    "workers": 1, "joints": "none",
+    "workers": 1, "joints": "none", "refinement": None,
     "protocol": {
         "rotations": [0.0], "approach": 0.5, "step": 1.0, "steps": 3, "start": "touch", "max_positions": 6,
     },

@@ -100,6 +100,19 @@ def _refuse_unknown(kind: Any, values: Mapping[str, Any], where: str) -> None:
                 _refuse_unknown(typing.get_args(nested)[1], entry, f"{where}{key}.{name}.")
 
 
+def _with_none(kind: Any, values: Mapping[str, Any]) -> dict[str, Any]:
+    """`values` in which the word none, where a group of settings may be absent, is None: TOML has no null."""
+    fields = {field.name: field.type for field in dataclasses.fields(kind)}
+    found: dict[str, Any] = {}
+    for key, value in values.items():
+        nested = _without_none(fields[key])
+        group = dataclasses.is_dataclass(nested)
+        if group and nested is not fields[key] and value == "none":
+            value = None
+        found[key] = _with_none(nested, value) if group and isinstance(value, Mapping) else value
+    return found
+
+
 def _refuse_senseless(value: Any, where: str) -> None:
     """No setting means anything that is not finite, and no seed is negative."""
     if isinstance(value, Mapping):
@@ -140,7 +153,7 @@ def build_config(kind: type[C], *layers: Mapping[str, Any]) -> C:
     """Build the frozen dataclass `kind` from its defaults overlaid with `layers`, later ones winning.
 
     The defaults are those of `kind` as a whole: naming one setting of a nested configuration leaves the others as
-    the outer one has them.
+    the outer one has them. A group that may be absent is so by None or, in TOML, by the word ``none``.
 
     Raises:
         InputError: an unknown setting or a value of the wrong type; the message names the setting.
@@ -149,6 +162,7 @@ def build_config(kind: type[C], *layers: Mapping[str, Any]) -> C:
     for layer in layers:
         given = merge(given, layer)
     _refuse_unknown(kind, given, "")
+    given = _with_none(kind, given)
     _refuse_senseless(given, "")
     values = merge(_defaults(kind), given)
     try:

@@ -2,9 +2,10 @@
 
 from dataclasses import dataclass, field
 
+from mixpinn.fem import LocalRefinement
 from mixpinn.stages.anatomy import AnatomyConfig
 from mixpinn.stages.evaluation import EvaluationConfig
-from mixpinn.stages.mesh import MeshConfig
+from mixpinn.stages.mesh import PATIENT_CELLS, MeshConfig
 from mixpinn.stages.samples import SplitConfig
 from mixpinn.stages.simulation import SimulationConfig
 from mixpinn.stages.training import ModelsConfig
@@ -26,8 +27,8 @@ class RunConfig:
 
     title: str = "Deformation of soft tissue with rigid bodies inside"
     anatomy: AnatomyConfig = field(default_factory=AnatomyConfig)
-    mesh: MeshConfig = field(default_factory=MeshConfig)
-    simulation: SimulationConfig = field(default_factory=SimulationConfig)
+    mesh: MeshConfig = PATIENT_CELLS
+    simulation: SimulationConfig = field(default_factory=lambda: SimulationConfig(refinement=LocalRefinement()))
     split: SplitConfig = field(default_factory=SplitConfig)
     models: ModelsConfig = field(default_factory=ModelsConfig)
     evaluation: EvaluationConfig = field(default_factory=EvaluationConfig)
