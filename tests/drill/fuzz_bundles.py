@@ -15,8 +15,11 @@ from drill.fuzz_foreign import KINDS
 
 _BYTES = (
     "hybrid.json", "mesh.vtu", "prior/prior.json", "prior/exact.npy", "manifest.json", "prior/manifest.json",
-    "prior/numbers.npy", "hybrid.safetensors",
+    "prior/near.npy", "hybrid.safetensors", "prior/far.npy", "prior/cluster.npy", "prior/close.npy", "prior/modes.npy",
+    "prior/left.npy", "prior/near_scale.npy", "prior/far_scale.npy",
 )
+FIRST_DESCRIBED = len(_BYTES)
+"""Number of the first file that is described; those before are bytes."""
 _DESCRIBED = ("hybrid.safetensors", "pose.safetensors")
 _LARGEST = 100_000
 """Numbers in an array of a described file."""

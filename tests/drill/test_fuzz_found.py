@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 
+from drill.fuzz_bundles import FIRST_DESCRIBED
 from drill.fuzz_readers import READERS
 from drill.odd_files import metaimage, nifti, nrrd
 from mixpinn.base.errors import InputError
@@ -52,7 +53,7 @@ FOUND = {
     "a number instead of vertices": ("foreign", handed(5, points=NO_AXIS, triangles=["int64", [1, 3], [0]])),
     "a number instead of types": ("foreign", handed(4, points=POINTS, **CELL | {"types": NO_AXIS})),
     "a number instead of points": ("foreign", handed(4, points=NO_AXIS, **CELL)),
-    "a regression on features that there are none of": ("bundles", b"\x07" + NO_MODES),
+    "a regression on features that there are none of": ("bundles", bytes([FIRST_DESCRIBED]) + NO_MODES),
     "directions for fewer axes": ("labels", b"\x02" + LAYERS),
     "no dimension": ("labels", b"\x02NRRD0004\ndimension: 0\nsizes:\n\n"),
     "extents that are no numbers": ("labels", b"\x03" + metaimage("nan 9 9")),

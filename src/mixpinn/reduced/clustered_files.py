@@ -50,11 +50,15 @@ def compliance_of(
     """
     modes, clusters = arrays["modes"].astype(np.int64), []
     near = left = far = 0
-    sizes = np.bincount(arrays["cluster"], minlength=len(modes))
-    rows = 3 * sizes
+    last = int(arrays["cluster"].max(initial=-1))
+    if last >= len(modes):
+        raise InputError(
+            f"{where}: cluster", expected=f"numbers below {len(modes)}, as its clusters say", got=str(last), fix=remake,
+        )
+    rows = 3 * np.bincount(arrays["cluster"], minlength=len(modes))
     wanted = {
-        "near": int((rows * 3 * arrays["close"].sum(axis=1)).sum()) if len(sizes) == len(modes) else -1,
-        "left": int((rows * modes).sum()) if len(sizes) == len(modes) else -1, "far": int(modes.sum()),
+        "near": int((rows * 3 * arrays["close"].sum(axis=1)).sum()), "left": int((rows * modes).sum()),
+        "far": int(modes.sum()),
     }
     for name, count in wanted.items():
         if len(arrays[name]) != count:
