@@ -199,3 +199,10 @@ def test_a_client_that_reads_nothing_holds_up_nobody(server) -> None:
     thread.join()
     slow.socket.close()
     assert np.median(delays) < 0.5
+
+
+def test_the_next_file_may_be_ordered_as_soon_as_one_is_saved(client) -> None:
+    client.press(above(depth=2.0).translation)
+    for _ in range(8):
+        client.say("save", format="vtu")
+        assert client.wait_for_message("saved", "error")["type"] == "saved"

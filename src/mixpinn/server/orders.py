@@ -130,6 +130,7 @@ class ClientOrders:
                 save_series(recording, path)
 
         def work() -> None:
+            said: dict[str, Any]
             try:
                 name = {"csv": "recording.csv", "vtu": "deformed.vtu", "pvd": "recording.zip"}[kind]
                 found = self._service.offer(name, write)
@@ -137,13 +138,12 @@ class ClientOrders:
                     self._service.withdraw(found)
                     return
                 self._downloads.append(found)
-                self._client.tell({
-                    "type": "saved", "url": found.url, "name": name, "bytes": found.path.stat().st_size,
-                })
+                said = {"type": "saved", "url": found.url, "name": name, "bytes": found.path.stat().st_size}
             except Exception as error:  # whatever it is: the client waits for a word
-                self._client.tell(error_message(as_input_error(error, "save"), ErrorCode.REFUSED))
+                said = error_message(as_input_error(error, "save"), ErrorCode.REFUSED)
             finally:
                 self._saving.release()
+            self._client.tell(said)  # who hears it may order the next file at once
 
         threading.Thread(target=work, name="mixpinn-save", daemon=True).start()
 
