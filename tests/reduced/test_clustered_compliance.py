@@ -7,26 +7,11 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from mixpinn.base.errors import InputError
-from mixpinn.fem import SuperLUSolver
 from mixpinn.reduced import clustered_files
-from mixpinn.reduced.build_prior import build_prior
 from mixpinn.reduced.clustered_compliance import ClusteredCompliance, rows_of
 from mixpinn.reduced.clustered_files import compliance_of
 from mixpinn.reduced.prior import PRIOR, ElasticPrior
 from mixpinn.reduced.rows import Rows
-from reduced.pressed_block import TISSUE, top_nodes
-from training.toy_block import block_mesh
-
-
-@pytest.fixture(scope="module", params=[1, 2])
-def mesh(request):
-    return block_mesh().with_order(request.param)
-
-
-@pytest.fixture(scope="module")
-def prior(mesh):
-    return build_prior(mesh, [TISSUE], nodes=top_nodes(mesh), linear=SuperLUSolver())
-
 
 OWN, TWISTS = 720, 6
 

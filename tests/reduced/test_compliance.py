@@ -15,19 +15,8 @@ from mixpinn.reduced.fit import HybridConfig, fit_hybrid
 from mixpinn.reduced.load_states import Footprints, draw_loads
 from mixpinn.reduced.prior import ElasticPrior
 from reduced.pressed_block import TISSUE, pressed_table, top_nodes
-from training.toy_block import block_mesh
 
 SMALL = Footprints(length=(8.0, 16.0), width=(6.0, 12.0), depth=(1.0, 6.0))
-
-
-@pytest.fixture(scope="module", params=[1, 2])
-def mesh(request):
-    return block_mesh().with_order(request.param)
-
-
-@pytest.fixture(scope="module")
-def prior(mesh):
-    return build_prior(mesh, [TISSUE], nodes=top_nodes(mesh), linear=SuperLUSolver())
 
 
 def in_factors(mesh, modes, *, contacts=240):

@@ -11,7 +11,7 @@ from mixpinn.base.errors import InputError, SolveError
 from mixpinn.geometry.probe_pose import probe_rotation
 from mixpinn.geometry.rotations import rotation_from_vector
 from mixpinn.serving import many_poses
-from mixpinn.serving.forked_poses import FEWEST, Refusal, may_fork, predict_forked
+from mixpinn.serving.forked_poses import FEWEST, may_fork, predict_forked
 from mixpinn.serving.many_poses import press_many
 from serving.live.pressed import UP, above, block_predictor
 
@@ -50,13 +50,14 @@ def test_processes_answer_as_one_does_and_name_the_pose_that_is_refused(pressing
             assert_array_equal(found.wrench[0, :3], alone.force)
             assert found.trust == alone.trust
     tips[-1] = np.nan
-    assert isinstance(predict_forked(pressing.pose, tips, turns, history=None, workers=2)[-1], Refusal)
+    with pytest.raises(InputError, match=rf"pose {len(tips) - 1}: .*finite"):
+        predict_forked(pressing.pose, tips, turns, history=None, workers=2)
     with pytest.raises(InputError, match=rf"pose {len(tips) - 1}: .*finite"):
         press_many(pressing, tips, rotations=turns)
 
 
 def test_a_process_that_is_ended_leaves_the_work_to_threads(pressing, monkeypatch) -> None:
-    def ended(*_: object, **__: object) -> list[Refusal]:
+    def ended(*_: object, **__: object) -> list[object]:
         raise BrokenProcessPool
 
     monkeypatch.setattr(many_poses, "may_fork", lambda *_: True)

@@ -1,5 +1,7 @@
 """Errors that a user can mend: one line that says what was expected, what came, and what to do."""
 
+from collections.abc import Callable
+
 
 class MixpinnError(Exception):
     """Base of all errors that the command line reports in one line."""
@@ -23,6 +25,15 @@ class InputError(MixpinnError):
     def __init__(self, what: str, *, expected: str, got: str, fix: str) -> None:
         self.what, self.expected, self.got, self.fix = what, expected, got, fix
         super().__init__(" ".join(f"{what}: expected {expected}, got {got}; {fix}".split()))
+
+
+    def __reduce__(self) -> tuple[Callable[..., "InputError"], tuple[str, str, str, str]]:
+        """What another process makes the same error of."""
+        return _again, (self.what, self.expected, self.got, self.fix)
+
+
+def _again(what: str, expected: str, got: str, fix: str) -> InputError:
+    return InputError(what, expected=expected, got=got, fix=fix)
 
 
 class SolveError(MixpinnError):

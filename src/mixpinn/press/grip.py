@@ -18,12 +18,11 @@ import numpy as np
 
 from mixpinn.base.arrays import FloatArray, IntArray
 from mixpinn.geometry.probe_pose import PROBE_AXIS
+from mixpinn.press.newton_shift import newton_shift
 from mixpinn.press.records import ContactPrediction
 from mixpinn.reduced.hybrid import HybridModel
 from mixpinn.reduced.row_products import block_of
 
-LARGEST_SHIFT = 0.6
-"""A Newton step moves no node of the skin by more than this part of the linear answer's largest displacement."""
 _DEPTH = 20.0
 """Depths are told as parts of this [mm]."""
 _LEAST = 1e-3
@@ -107,7 +106,7 @@ class Grip:
         normal_force = (push[:, None] * along).ravel()
         held = -(sides @ np.linalg.solve(yielding, sides.T @ (patch @ normal_force)))
         forces = contact.forces + np.einsum("kl,ki->li", weights, held.reshape(k, 3) - across)
-        shift, here = _shift(hybrid, contact.nodes, forces)
+        shift, here = newton_shift(hybrid, contact.nodes, forces)
         moved, way = spread.T @ shift.ravel(), spread.T @ here.ravel()
         eased = -(sides @ np.linalg.solve(yielding, sides.T @ moved))
         back = -np.einsum("ki,ki->k", moved.reshape(k, 3), along) / np.maximum(
@@ -126,20 +125,3 @@ class Grip:
             probes, weights, response, sides, yielding, along, push, across, held.reshape(k, 3), eased.reshape(k, 3),
             depth, signs, float(np.sqrt((shift**2).sum(axis=1).mean())),
         )
-
-
-def _shift(hybrid: HybridModel, nodes: IntArray, forces: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Where one Newton step leads nodes (l,) under forces (l, 3) from the linear answer, and that answer [mm], (l, 3).
-
-    Where the linear answer is so far off that the step means nothing, it stays a part of that answer.
-    """
-    prior, coordinates = hybrid.prior, hybrid.prior.coordinates
-    system = prior.hold(nodes)
-    unknowns = prior.respond_to_forces(system, forces.ravel())
-    residual = hybrid.newton.equilibrium.residual(unknowns, coordinates)
-    residual[system.unknowns] -= forces.ravel().astype(np.float32)
-    shift: FloatArray = -prior.compliance.read(system.rows, residual).reshape(-1, 3).astype(np.float64)
-    here = unknowns[system.unknowns].reshape(-1, 3).astype(np.float64)
-    most = LARGEST_SHIFT * np.sqrt((here**2).sum(axis=1).max())
-    size = np.sqrt((shift**2).sum(axis=1).max())
-    return shift * min(1.0, float(most) / max(float(size), 1e-12)), here

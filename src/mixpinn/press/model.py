@@ -29,10 +29,10 @@ from mixpinn.press.contact import PriorContact
 from mixpinn.press.domain import PoseDomain
 from mixpinn.press.error_law import PoseErrorLaw
 from mixpinn.press.force_law import ForceLaw
-from mixpinn.press.grip import LARGEST_SHIFT, Grip
+from mixpinn.press.grip import Grip
+from mixpinn.press.newton_shift import newton_shift
 from mixpinn.press.probe_field import ProbeField
 from mixpinn.press.records import ContactHistory, ContactPrediction, check_poses
-from mixpinn.press.session import ContactSession
 from mixpinn.records.answer import Trust
 from mixpinn.reduced.hybrid import HybridModel
 from mixpinn.reduced.quadratic_features import quadratic_features
@@ -280,7 +280,7 @@ class PoseModel:
         for _ in range(self.steps if self.bend > 0.0 else 0):
             if not session.force.any():
                 break
-            shift = self.bend * self._shift(session)
+            shift = self.bend * newton_shift(self.hybrid, session.nodes, -session.force.reshape(-1, 3))[0]
             bent = float(np.sqrt((shift**2).sum(axis=1).mean()))
             session = session.shifted(shift)
         contact = session.outcome()
@@ -317,22 +317,3 @@ class PoseModel:
         places = self.hybrid.mesh.node_points[base.contact.nodes]
         contact = law.corrected(base.contact, grip, places, tips)
         return self._deformed(Touch(np.empty((0, 3, 3)), tips, contact, grip.bent, True, grip.taken_back))
-
-    def _shift(self, session: ContactSession) -> FloatArray:
-        """Where the patch would be without contact after one Newton step, relative to rest [mm], shape (n, 3)."""
-        prior, equilibrium = self.hybrid.prior, self.hybrid.newton.equilibrium
-        coordinates = prior.coordinates
-        force = -session.force.reshape(-1, 3)
-        on = np.flatnonzero((force != 0.0).any(axis=1))
-        held = prior.hold(session.nodes[on])
-        unknowns = prior.respond_to_forces(held, force[on].ravel())
-        residual = equilibrium.residual(unknowns, coordinates)
-        residual[held.unknowns] -= force[on].ravel().astype(np.float32)
-        patch = prior.hold(session.nodes)
-        answer = prior.compliance.read(patch.rows, residual)
-        shift: FloatArray = -answer.reshape(-1, 3).astype(np.float64)
-        # Where the linear answer is so far off that the step means nothing, it stays a part of that answer.
-        here = unknowns[patch.unknowns].reshape(-1, 3).astype(np.float64)
-        most = LARGEST_SHIFT * np.sqrt((here**2).sum(axis=1).max())
-        size = np.sqrt((shift**2).sum(axis=1).max())
-        return shift * min(1.0, float(most) / max(float(size), 1e-12))

@@ -268,13 +268,17 @@ class ElasticPrior:
             kept = DenseCompliance(kept.dense())
         assert isinstance(kept, DenseCompliance)
         if packed and tolerance <= 0.0:
-            return _named(clustered_files.arrays_of(self._clustered(kept)))
+            return _named(clustered_files.arrays_of(self._clustered))
         factors: dict[str, AnyArray] = {_COMPLIANCE: kept.matrix}
         if tolerance > 0.0:
             factors = self._factors(kept.matrix, tolerance)
         return factors
 
-    def _clustered(self, whole: DenseCompliance) -> ClusteredCompliance:
+    @cached_property
+    def _clustered(self) -> ClusteredCompliance:
+        """A dense compliance in clusters, found once: onboarding writes one prior after every round."""
+        whole = self.compliance
+        assert isinstance(whole, DenseCompliance)
         own, free = self._own_unknowns(), self.coordinates.free
         inside = np.setdiff1d(free, self.nodes)
         return ClusteredCompliance.of(

@@ -8,7 +8,9 @@ import multiprocessing
 import os
 import sys
 import threading
+from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, NamedTuple
 
 from mixpinn.base.arrays import FloatArray
@@ -22,15 +24,6 @@ if TYPE_CHECKING:
 FEWEST = 16
 """Poses a process below which it is not worth its start."""
 _TOGETHER = 4
-
-
-class Refusal(NamedTuple):
-    """What an `InputError` says, to be raised in another process."""
-
-    what: str
-    expected: str
-    got: str
-    fix: str
 
 
 class _Work(NamedTuple):
@@ -55,7 +48,7 @@ def may_fork(count: int, workers: int) -> bool:
 
 def predict_forked(
     model: "PoseModel", tips: FloatArray, rotations: FloatArray, *, history: "ContactHistory | None", workers: int,
-) -> "list[PosePrediction | Refusal]":
+) -> "list[PosePrediction]":
     """What follows from each of m poses of the first probe, in their order.
 
     Args:
@@ -66,6 +59,7 @@ def predict_forked(
         workers: how many processes.
 
     Raises:
+        InputError: a pose that is refused; it is named by its number.
         BrokenProcessPool: a process was ended from outside.
     """
     pool = ProcessPoolExecutor(
@@ -82,10 +76,18 @@ def _begin(parent: int, work: _Work) -> None:
     _work = work
 
 
-def _predict(index: int) -> "PosePrediction | Refusal":
+def _predict(index: int) -> "PosePrediction":
     assert _work is not None
     model, tips, rotations, history = _work
-    try:
+    with named(index):
         return model.predict(rotations[index][None], tips[index][None], probes=[0], history=history)
+
+
+@contextmanager
+def named(index: int) -> Iterator[None]:
+    """An error that comes from inside says which pose it is about."""
+    try:
+        yield
     except InputError as error:
-        return Refusal(error.what, error.expected, error.got, error.fix)
+        what = f"pose {index}: {error.what}"
+        raise InputError(what, expected=error.expected, got=error.got, fix=error.fix) from error

@@ -14,10 +14,9 @@ from mixpinn.base.errors import InputError
 from mixpinn.geometry.probe_pose import probe_rotation
 from mixpinn.records.answer import Answer
 from mixpinn.serving.contact_input import checked_history
-from mixpinn.serving.forked_poses import Refusal, may_fork, predict_forked
+from mixpinn.serving.forked_poses import may_fork, named, predict_forked
 
 if TYPE_CHECKING:
-    from mixpinn.press.model import PosePrediction
     from mixpinn.serving.hybrid_predictor import HybridPredictor
 
 
@@ -65,25 +64,13 @@ def press_many(
         model, begin = predictor.pressing, checked_history(history)
         with contextlib.suppress(BrokenProcessPool):  # ended from outside, for want of memory perhaps: threads go on
             found = predict_forked(model, places, turns, history=begin, workers=workers)
-            return [_answer(predictor, index, each) for index, each in enumerate(found)]
+            return [predictor.answer_of(each, alone=True) for each in found]
 
     def answer(index: int) -> Answer:
-        try:
+        with named(index):
             return predictor.press(places[index], rotation=turns[index], history=history)
-        except InputError as error:
-            raise _named(index, error) from error
 
     if workers == 1:
         return [answer(index) for index in range(count)]
     with ThreadPoolExecutor(workers, thread_name_prefix="mixpinn-poses") as pool:
         return list(pool.map(answer, range(count)))
-
-
-def _answer(predictor: "HybridPredictor", index: int, found: "PosePrediction | Refusal") -> Answer:
-    if isinstance(found, Refusal):
-        raise _named(index, found)
-    return predictor.answer_of(found, alone=True)
-
-
-def _named(index: int, error: InputError | Refusal) -> InputError:
-    return InputError(f"pose {index}: {error.what}", expected=error.expected, got=error.got, fix=error.fix)
