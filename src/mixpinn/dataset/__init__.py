@@ -1,5 +1,6 @@
 """Poses, splits, generation and the store of simulations."""
 
+from mixpinn.dataset.ahead import SimulationsAhead
 from mixpinn.dataset.dask_pool import connect_dask
 from mixpinn.dataset.dataset_table import DatasetTable, dataset_table
 from mixpinn.dataset.generation import generate
@@ -67,6 +68,7 @@ __all__ = [
     "SampleSplit",
     "Selector",
     "SimulationStore",
+    "SimulationsAhead",
     "Split",
     "beyond",
     "build_sample_table",

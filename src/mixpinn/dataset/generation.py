@@ -1,7 +1,7 @@
 """Generation: simulates every pose of a store that has no result yet, in parallel, resumable."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from mixpinn.base.errors import InputError
@@ -10,7 +10,7 @@ from mixpinn.base.progress import progress_bar
 from mixpinn.dataset.dask_pool import run_dask
 from mixpinn.dataset.local_pool import STEP_TIMEOUT, run_local
 from mixpinn.dataset.protocol import Pose
-from mixpinn.dataset.status import PoseState
+from mixpinn.dataset.status import PoseState, PoseStatus
 from mixpinn.dataset.store import SimulationStore
 from mixpinn.dataset.summary import SUMMARY, GenerationSummary, summarise
 from mixpinn.dataset.worker import Runner
@@ -57,53 +57,87 @@ def generate(
         InputError: fewer than one worker or thread, no time at all, poses that do not belong to the store, a scene of
             another mesh, a store that cannot be written, or one that another process simulates into.
     """
-    _check(scene, poses, store, workers=workers, threads=threads, timeout=timeout)
-    with locked(store.folder):
-        return _generate(
-            scene, poses, store, workers=workers, threads=threads, runner=runner or fem_runner(), scheduler=scheduler,
+    check_request(scene, poses, store, workers=workers, threads=threads, timeout=timeout)
+    with PoseBar(poses, store, retry_failed=retry_failed) as bar:
+        return run_poses(
+            scene, poses, store, bar.hear, workers=workers, threads=threads, runner=runner, scheduler=scheduler,
             retry_failed=retry_failed, timeout=timeout,
         )
 
 
-def _generate(
-    scene: Any, poses: Sequence[Pose], store: SimulationStore, *, workers: int, threads: int, runner: Runner,
-    scheduler: str | None, retry_failed: bool, timeout: float,
+def run_poses(
+    scene: Any, poses: Sequence[Pose], store: SimulationStore, hear: Callable[[Pose, PoseStatus | None], None], *,
+    workers: int, threads: int, runner: Runner | None = None, scheduler: str | None = None, retry_failed: bool = True,
+    timeout: float = STEP_TIMEOUT, stopped: Callable[[], bool] = lambda: False,
 ) -> GenerationSummary:
-    store.clear_unfinished()
-    left_out = {PoseState.DONE} if retry_failed else {PoseState.DONE, PoseState.FAILED}
-    open_poses = [pose for pose in poses if store.status(pose).state not in left_out]
-    before = _wall_seconds(store)
-    start = time.perf_counter()
-    steps, done = store.protocol.steps, len(poses) - len(open_poses)
-    events = (
-        run_dask(store, scene, runner, open_poses, scheduler=scheduler) if scheduler
-        else run_local(store, scene, runner, open_poses, workers=workers, threads=threads, timeout=timeout)
-    )
-    stepped = dict.fromkeys((pose.name for pose in open_poses), 0)
-    ended = False
-    try:
-        with progress_bar() as bar:
-            task = bar.add_task(_label(done, len(poses)), total=len(open_poses) * steps)
+    """`generate` without a bar of its own, for what `check_request` has let pass.
+
+    Args:
+        scene, poses, store, workers, threads, runner, scheduler, retry_failed, timeout: as for `generate`.
+        hear: called with each pose that finishes a step (without status) or ends.
+        stopped: asked about once a second; once it says so, the workers of this machine are ended.
+    """
+    runner = runner or fem_runner()
+    with locked(store.folder):
+        store.clear_unfinished()
+        open_poses = [pose for pose in poses if _is_open(store.status(pose), retry_failed)]
+        before, start, ended = _wall_seconds(store), time.perf_counter(), False
+        events = (
+            run_dask(store, scene, runner, open_poses, scheduler=scheduler) if scheduler
+            else run_local(
+                store, scene, runner, open_poses, workers=workers, threads=threads, timeout=timeout, stopped=stopped,
+            )
+        )
+        try:
             for pose, status in events:
-                if status is None:
-                    stepped[pose.name] = min(stepped[pose.name] + 1, steps)
-                else:
-                    stepped[pose.name] = steps
-                    done += 1
-                bar.update(task, completed=sum(stepped.values()), description=_label(done, len(poses)))
-        ended = True
-    finally:
-        events.close()
-        if not scheduler:
-            store.clear_unfinished()
-        # An interrupted run ends at once; the next one looks for inverted cells.
-        summary = summarise(store, wall_seconds=before + time.perf_counter() - start, workers=workers, cells=ended)
-        summary.save(store.folder / SUMMARY)
-    return summary
+                hear(pose, status)
+            ended = not stopped()
+        finally:
+            events.close()
+            if not scheduler:
+                store.clear_unfinished()
+            # An interrupted run ends at once; the next one looks for inverted cells.
+            seconds = before + time.perf_counter() - start
+            summary = summarise(store, wall_seconds=seconds, workers=workers, cells=ended)
+            summary.save(store.folder / SUMMARY)
+        return summary
 
 
-def _label(done: int, total: int) -> str:
-    return f"simulate: pose {done} of {total}, steps"
+def _is_open(status: PoseStatus, retry_failed: bool) -> bool:
+    return status.state not in ({PoseState.DONE} if retry_failed else {PoseState.DONE, PoseState.FAILED})
+
+
+class PoseBar:
+    """A progress bar of poses; its length is the steps of those that a store does not hold when it begins."""
+
+    def __init__(self, poses: Sequence[Pose], store: SimulationStore, *, retry_failed: bool = True) -> None:
+        """Of these poses."""
+        left = [pose for pose in poses if _is_open(store.status(pose), retry_failed)]
+        self._steps, self._poses, self._done = store.protocol.steps, len(poses), len(poses) - len(left)
+        self._stepped = dict.fromkeys((pose.name for pose in left), 0)
+        self._bar = progress_bar()
+
+    def __enter__(self) -> "PoseBar":
+        self._bar.__enter__()
+        self._task = self._bar.add_task(self._label(), total=len(self._stepped) * self._steps)
+        return self
+
+    def __exit__(self, *about: Any) -> None:
+        self._bar.__exit__(*about)
+
+    def hear(self, pose: Pose, status: PoseStatus | None) -> None:
+        """A pose that finished a step (without status) or ended."""
+        if pose.name not in self._stepped:
+            return
+        if status is None:
+            self._stepped[pose.name] = min(self._stepped[pose.name] + 1, self._steps)
+        else:
+            self._stepped[pose.name] = self._steps
+            self._done += 1
+        self._bar.update(self._task, completed=sum(self._stepped.values()), description=self._label())
+
+    def _label(self) -> str:
+        return f"simulate: pose {self._done} of {self._poses}, steps"
 
 
 def _wall_seconds(store: SimulationStore) -> float:
@@ -115,9 +149,10 @@ def _wall_seconds(store: SimulationStore) -> float:
         return 0.0
 
 
-def _check(
+def check_request(
     scene: Any, poses: Sequence[Pose], store: SimulationStore, *, workers: int, threads: int, timeout: float,
 ) -> None:
+    """Refuse what `generate` cannot do; its arguments and errors."""
     if not timeout > 0.0:
         raise InputError("timeout", expected="more than 0 s", got=f"{timeout:g}", fix="correct the setting")
     for name, value in (("workers", workers), ("threads", threads)):

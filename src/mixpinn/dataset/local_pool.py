@@ -6,7 +6,7 @@ import os
 import signal
 import threading
 from collections import deque
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection, wait
 from multiprocessing.reduction import ForkingPickler
@@ -85,12 +85,14 @@ def hear_interrupts() -> None:
 def run_local(
     store: SimulationStore, scene: Any, runner: Runner, poses: Sequence[Pose], *, workers: int, threads: int,
     timeout: float = STEP_TIMEOUT, start_timeout: float = START_TIMEOUT,
+    stopped: Callable[[], bool] = lambda: False,
 ) -> Generator[Event, None, None]:
     """Simulate `poses` in `workers` processes of `threads` threads each; yield news as it comes.
 
     Which worker computes a pose, and when, has no influence on its result: nothing is handed from pose to pose.
     A worker that dies, that finishes no step within `timeout` seconds, or does not start within `start_timeout`, costs
-    the attempt at its pose in flight; a new worker takes its place. However the iteration ends, all workers are ended.
+    the attempt at its pose in flight; a new worker takes its place. However the iteration ends, all workers are ended;
+    it ends early once `stopped` says so.
 
     Raises:
         InputError: the store cannot be written.
@@ -98,7 +100,7 @@ def run_local(
     """
     pool = _Pool(store, scene, runner, poses, threads=threads, timeout=timeout, start_timeout=start_timeout)
     try:
-        while pool.queue or any(worker.job for worker in pool.workers):
+        while not stopped() and (pool.queue or any(worker.job for worker in pool.workers)):
             pool.fill(workers)
             for connection in wait([worker.connection for worker in pool.workers], timeout=pool.patience.tick):
                 yield from pool.listen(next(item for item in pool.workers if item.connection is connection))

@@ -11,6 +11,7 @@ from mixpinn.base.arrays import AnyArray, FloatArray, IntArray
 from mixpinn.base.errors import InputError
 from mixpinn.base.files import atomic_path
 from mixpinn.base.progress import track
+from mixpinn.dataset.protocol import Pose
 from mixpinn.dataset.status import PoseState
 from mixpinn.dataset.store import SimulationStore
 from mixpinn.records import SampleTable, Simulation
@@ -79,12 +80,14 @@ def table_of(simulations: Iterable[Simulation], *, contact: ContactRule = "loade
 
 
 def build_sample_table(
-    store: SimulationStore, *, contact: ContactRule = "loaded", memory_map: Path | str | None = None,
+    store: SimulationStore, *, poses: Iterable[Pose] | None = None, contact: ContactRule = "loaded",
+    memory_map: Path | str | None = None,
 ) -> SampleTable:
     """Samples of all finished simulations of a store, in the order of its poses, on all nodes of the mesh.
 
     Args:
         store: the simulations.
+        poses: those of them that are wanted; None for all.
         contact: which nodes count as contact nodes. Widening the set makes every model better: figures made with
             different rules may not be compared.
         memory_map: a ``.npy`` file to write the displacement to, from which it is then read on demand; without it
@@ -93,8 +96,10 @@ def build_sample_table(
     Raises:
         InputError: a pose whose data are truncated or altered, or no sample at all.
     """
-    done = []
+    done, wanted = [], None if poses is None else set(poses)
     for pose in store.poses:
+        if wanted is not None and pose not in wanted:
+            continue
         status = store.status(pose)
         if status.reason.startswith("damaged"):
             store.load(pose)

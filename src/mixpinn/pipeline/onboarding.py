@@ -16,7 +16,7 @@ from mixpinn.base.files import write_text
 from mixpinn.base.progress import console
 from mixpinn.base.rundir import finish_run, run_scope, start_run
 from mixpinn.base.validated import load_record, save_record
-from mixpinn.dataset import SimulationStore, Split, build_sample_table, farthest_first, generate
+from mixpinn.dataset import SimulationsAhead, SimulationStore, Split, build_sample_table, farthest_first
 from mixpinn.evaluation import evaluate
 from mixpinn.evaluation.onboarding_report import draw_rounds, rounds_report
 from mixpinn.fem import LocalRefinement, Scene
@@ -152,33 +152,37 @@ def _learn(model: HybridModel, mesh: TissueMesh, config: OnboardingConfig, clock
     """Rounds of simulation, test and fit."""
     scene, store = begin_simulations(mesh, config.simulation, out=out / "simulation")
     ordered = farthest_first(store.poses)[: config.poses]
-    seen = 0
-    for end in round_ends(len(ordered), config.first_round):
-        _simulate(scene, store, ordered[seen:end], config)
-        table = _samples_of(build_sample_table(store), ordered[seen:end])
-        if not seen:  # nothing is learned yet: the prior takes what was touched, as the fit does
-            prior = _taking(model.prior, scene, table)
-            model = HybridModel.of_prior(prior, model.newton.equilibrium) if prior is not model.prior else model
-        table = _within(table, model.prior.nodes)
-        entry: dict[str, Any] = {"stage": f"{end} poses", "poses": end - seen, "samples": len(table)}
-        for name, candidate in (("prior", model.prior), ("model", model)):
-            found = evaluate(candidate, table, scene.mesh, split=f"poses {seen + 1} to {end}")
-            entry[f"{name}_mee"] = float(found.metrics["mee"].mean())
-        entry["correction"] = model.about.get("correction", "none")
-        entry["no_motion"] = float(found.metrics["mean_displacement"].mean())
-        if end < len(ordered):
-            model, pose = _fit(model, scene, build_sample_table(store), ordered[:end], config)
-            save_bundle(model, out / BUNDLE, tolerance=config.hybrid.compress)
-            save_pose_model(pose, out / BUNDLE)
-        clock.note({**entry, "minutes": clock.seconds() / 60.0})
-        console.print(
-            f"{end} poses: the {end - seen} new ones are predicted to {entry['model_mee']:.3f} mm (prior "
-            f"{entry['prior_mee']:.3f} mm, no motion {entry['no_motion']:.2f} mm)."
-        )
-        if end == len(ordered):
-            _assess(config, out)
-            _report(store, _within(table, probed_nodes(scene.mesh)), config, out)  # baselines have no other nodes
-        seen = end
+    seen, workers = 0, config.simulation.workers or os.cpu_count() or 1
+    with SimulationsAhead(
+        scene, ordered, store, workers=workers, threads=scene.solver.threads or 1, timeout=config.simulation.timeout,
+    ) as ahead:
+        for end in round_ends(len(ordered), config.first_round):
+            ahead.wait(ordered[seen:end])
+            _tell_failures(store, ordered[seen:end])
+            table = build_sample_table(store, poses=ordered[seen:end])
+            if not seen:  # nothing is learned yet: the prior takes what was touched, as the fit does
+                prior = _taking(model.prior, scene, table)
+                model = HybridModel.of_prior(prior, model.newton.equilibrium) if prior is not model.prior else model
+            table = _within(table, model.prior.nodes)
+            entry: dict[str, Any] = {"stage": f"{end} poses", "poses": end - seen, "samples": len(table)}
+            for name, candidate in (("prior", model.prior), ("model", model)):
+                found = evaluate(candidate, table, scene.mesh, split=f"poses {seen + 1} to {end}")
+                entry[f"{name}_mee"] = float(found.metrics["mee"].mean())
+            entry["correction"] = model.about.get("correction", "none")
+            entry["no_motion"] = float(found.metrics["mean_displacement"].mean())
+            if end < len(ordered):
+                known = build_sample_table(store, poses=ordered[:end])
+                model, pose = _fit(model, scene, known, ordered[:end], config)
+                save_bundle(model, out / BUNDLE, tolerance=config.hybrid.compress)
+                save_pose_model(pose, out / BUNDLE)
+            clock.note({**entry, "minutes": clock.seconds() / 60.0})
+            console.print(
+                f"{end} poses: the {end - seen} new ones are predicted to {entry['model_mee']:.3f} mm (prior "
+                f"{entry['prior_mee']:.3f} mm, no motion {entry['no_motion']:.2f} mm)."
+            )
+            seen = end
+    _assess(config, out)
+    _report(store, _within(table, probed_nodes(scene.mesh)), config, out)  # baselines have no other nodes
 
 
 def round_ends(poses: int, first: int) -> list[int]:
@@ -189,11 +193,7 @@ def round_ends(poses: int, first: int) -> list[int]:
     return sorted({*ends, max(poses - first, ends[-1]), poses})
 
 
-def _simulate(scene: Scene, store: SimulationStore, poses: Any, config: OnboardingConfig) -> None:
-    workers = config.simulation.workers or os.cpu_count() or 1
-    generate(
-        scene, poses, store, workers=workers, threads=scene.solver.threads or 1, timeout=config.simulation.timeout,
-    )
+def _tell_failures(store: SimulationStore, poses: Any) -> None:
     if failed := sum(len(store.status(pose).failed_steps) for pose in poses):
         why = failed_for_valleys(store)
         console.print(f"{failed} steps found no equilibrium and are left out{why and ': '}{why}", soft_wrap=True)
