@@ -40,6 +40,9 @@ violations of the gap of the order of the gap itself."""
 _FACTORIZATIONS = 24
 """Of one solve, at most. Where tissue is about to buckle the tangent is indefinite, and what is factorized in its place
 may lead to equilibrium very slowly."""
+_PATIENCE = 10
+"""An indefinite tangent is factorized without its negative curvature, which is just as far off when it is renewed: so
+many iterations are made with it before it is, however slowly the residual falls."""
 _SINGLE = 1e-7
 """Down to this tolerance a factorization in single precision does: iterations correct its errors, whose rounding leaves
 about 3e-8 of the contact forces."""
@@ -133,6 +136,7 @@ class QuasiStaticSolver:
         self._force: FloatArray = np.empty(0)
         self._seat: FloatArray | None = None
         self._inverse: UpdatedInverse | None = None
+        self._least, self._age = 0, 0
 
     @property
     def patch(self) -> SkinPatch | None:
@@ -219,9 +223,9 @@ class QuasiStaticSolver:
                 continue
             at = new
             history.append(self.relative_residual(at))
-            fresh = False
+            fresh, self._age = False, self._age + 1
             slow = len(history) > 2 and history[-1] > self.config.slow * history[-2]
-            if slow or len(self._inverse) >= self.config.updates:
+            if (slow and self._age >= self._least) or len(self._inverse) >= self.config.updates:
                 self._inverse = None
         converged = history[-1] <= self.config.tolerance
         if converged and problem is not None and self._unknowns is not None:
@@ -365,12 +369,14 @@ class QuasiStaticSolver:
         matrix = self.system.tangent(at.state, nodal_gradient=nodal, held=self.held, project=False)
         self.effort.add("assembly", start)
         inverse = self._factorize_matrix(matrix, definite=True)
+        definite = inverse is not None
         if inverse is None:
             start = time.perf_counter()
             matrix = self.system.tangent(at.state, nodal_gradient=nodal, held=self.held, project=True)
             self.effort.add("assembly", start)
             inverse = self._factorize_matrix(matrix)
         assert inverse is not None
+        self._least, self._age = 0 if definite else _PATIENCE, 0
         return inverse
 
     def _factorize_matrix(self, matrix: sp.csr_matrix, *, definite: bool = False) -> UpdatedInverse | None:
