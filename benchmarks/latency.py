@@ -1,11 +1,12 @@
 """How long answers take, on an idle and on a busy machine, and how that grows with the mesh.
 
 ``python -m benchmarks.latency BUNDLE [FINER_BUNDLE]`` times single predictions, warm, and prints as its last line a
-JSON object [ms]: ``contact_ms_*`` from contact displacements to the displacement of all nodes; ``pose_ms_*`` from the
-probe's pose to field, force and motions, ``pose_cpu_ms_p50`` the processor time of that; ``busy_pose_ms_p99`` the same
-beside another process that computes without pause; ``one_thread_pose_ms_p50`` with every library held to one thread, in
-a process of its own; ``growth`` the median from contact on the finer bundle relative to that on the first (null without
-one); ``bundle_mb`` the size of the bundle.
+JSON object [ms]: ``contact_ms_*`` from contact displacements to the displacement of all nodes, midpoints of edges
+included; ``outputs_ms_p50`` to that of 5,000 nodes, vertices first (``nodes_asked``); ``pose_ms_*`` from the probe's
+pose to field, force and motions, ``pose_cpu_ms_p50`` the processor time of that; ``busy_pose_ms_p99`` the same beside
+another process that computes without pause; ``one_thread_pose_ms_p50`` with every library held to one thread, in a
+process of its own; ``growth`` the median from contact on the finer bundle relative to that on the first, with outputs
+at the same 5,000 places (null without one); ``bundle_mb`` the size of the bundle.
 ``cores`` and ``load`` say what machine it was.
 """
 
@@ -24,6 +25,7 @@ from typing import Any
 from benchmarks.history import report
 
 _THREADS = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS")
+_ASKED = 5000
 _parser = argparse.ArgumentParser(prog="python -m benchmarks.latency", description=__doc__)
 _parser.add_argument("bundle", type=Path)
 _parser.add_argument("finer", type=Path, nargs="?")
@@ -48,6 +50,7 @@ def milliseconds(
 def measure(options: argparse.Namespace) -> dict[str, Any]:
     """All figures."""
     import numpy as np
+    from scipy.spatial import cKDTree
 
     from benchmarks.dependability import random_presses
     from mixpinn.press.contact import PriorContact
@@ -76,7 +79,10 @@ def measure(options: argparse.Namespace) -> dict[str, Any]:
     }
     if options.only_pose:
         return found
-    contact = contact_times(predictor, poses, options.repeats)
+    contact = contact_times(predictor, poses, options.repeats, predictor.predict)
+    mesh = predictor.mesh
+    asked = np.arange(max(mesh.n_points, min(_ASKED, mesh.n_nodes)))
+    outputs = contact_times(predictor, poses, options.repeats, predictor.outputs(asked).predict)
     busy = multiprocessing.get_context("spawn").Process(target=_compute, daemon=True)
     busy.start()
     time.sleep(2.0)
@@ -84,25 +90,30 @@ def measure(options: argparse.Namespace) -> dict[str, Any]:
     busy.terminate()
     growth = None
     if options.finer is not None:
-        finer = contact_times(HybridPredictor.load(options.finer), poses, options.repeats)
-        growth = float(np.median(finer) / np.median(contact))
+        other = HybridPredictor.load(options.finer)
+        there = cKDTree(other.mesh.node_points).query(mesh.node_points[asked])[1]
+        finer = contact_times(other, poses, options.repeats, other.outputs(there).predict)
+        growth = float(np.median(finer) / np.median(outputs))
     return {
         "contact_ms_p50": float(np.percentile(contact, 50)), "contact_ms_p99": float(np.percentile(contact, 99)),
+        "outputs_ms_p50": float(np.percentile(outputs, 50)), "nodes_asked": len(asked),
         **found, "busy_pose_ms_p99": float(np.percentile(beside, 99)),
         "one_thread_pose_ms_p50": one_thread(options.bundle, options.repeats), "growth": growth,
         "bundle_mb": sum(file.stat().st_size for file in options.bundle.rglob("*") if file.is_file()) / 1e6,
-        "nodes": predictor.mesh.n_points, "cores": os.cpu_count(), "load": os.getloadavg()[0],
+        "nodes": mesh.n_points, "all_nodes": mesh.n_nodes, "cores": os.cpu_count(), "load": os.getloadavg()[0],
     }
 
 
-def contact_times(predictor: Any, poses: Sequence[tuple[Any, Any]], repeats: int) -> list[float]:
-    """From the contact nodes of these poses to the field."""
+def contact_times(
+    predictor: Any, poses: Sequence[tuple[Any, Any]], repeats: int, predict: Callable[..., object],
+) -> list[float]:
+    """From the contact nodes of these poses to what `predict` makes of them."""
     asked = []
     for rotation, tip in poses:
         contact = predictor.press(tip, rotation=rotation).contact
         if len(contact.nodes):
             asked.append((contact.nodes, contact.displacement))
-    return milliseconds(lambda index: predictor.predict(*asked[index % len(asked)]), repeats)
+    return milliseconds(lambda index: predict(*asked[index % len(asked)]), repeats)
 
 
 def one_thread(bundle: Path, repeats: int) -> float:

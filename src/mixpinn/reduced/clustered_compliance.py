@@ -5,10 +5,10 @@ contact nodes, with rows C_k, the nodes inside the body are near or far:
 
     C_k ≈ [N_k, U_k V_k],    V_k = U_kᵀ C_k,far,
 
-U_k the leading left singular vectors of C_k,far, so many that the root mean square of what is missed is at most 2e-5
-of the largest entries of the rows (twice that of rounding them to 16-bit integers). N_k and V_k are kept in integers
-(see `Rows`); displacements of the contact nodes themselves, and twists, stay as they are. Of a patient with 21,000
-nodes a third of the memory remains, and products take no longer. It is one level of a hierarchical matrix.
+U_k the leading left singular vectors of C_k,far, so many that the root mean square of what is missed is at most 5e-5
+of the largest entries of the rows (six times that of rounding them to 16-bit integers). N_k and V_k are kept in
+integers (see `Rows`); displacements of the contact nodes themselves, and twists, stay as they are. Of a patient with
+21,000 nodes a third of the memory remains, and products take no longer. It is one level of a hierarchical matrix.
 """
 
 from collections.abc import Iterator
@@ -23,7 +23,7 @@ from mixpinn.reduced.rows import Rows
 
 _NEAR = 1.6
 """Nodes within so many radii of a cluster's contact nodes are near it."""
-_MISSED = 2e-5
+_MISSED = 5e-5
 """Root mean square of what the far part misses, of the largest entries of its rows."""
 _WORTH_IT = 0.8
 """More modes than this part of the rows save nothing: all nodes are near then."""

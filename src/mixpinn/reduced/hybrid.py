@@ -11,7 +11,7 @@ regression on simulations. The twists in q move the rigid parts by finite rotati
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -156,15 +156,20 @@ class HybridModel:
         Raises:
             InputError: a node that the prior was not prepared for.
         """
+        state = self.respond(nodes, displacement)
+        unknowns = self.newton.add_modes(state.correction, state.response)
+        unknowns[state.contact.unknowns] = np.asarray(displacement, dtype=np.float32).ravel()
+        return replace(state, unknowns=unknowns)
+
+    def respond(self, nodes: AnyArray, displacement: AnyArray) -> HybridState:
+        """As `solve`, with the unknowns still those of the response: what z adds may be wanted in few places only."""
         contact = self.prior.hold(nodes)
         force = contact.solve(np.asarray(displacement).ravel())
         response = self.prior.respond_to_forces(contact, force)
         coordinates = self.readers[:, contact.rows] @ force.astype(np.float32)
         step = self.newton.step(response, contact) if len(self.newton.modes) else np.zeros(0, np.float32)
         correction = self._within_reach(step, features(step, coordinates) @ self.gain)
-        unknowns = self.newton.add_modes(correction, response)
-        unknowns[contact.unknowns] = np.asarray(displacement, dtype=np.float32).ravel()
-        return HybridState(contact, response, force, unknowns, step, correction, coordinates)
+        return HybridState(contact, response, force, response, step, correction, coordinates)
 
     def _within_reach(self, step: Float32Array, correction: Float32Array) -> Float32Array:
         """The correction z with |z − ℓ ν| cut back to `reach` |ν|; continuous in both."""

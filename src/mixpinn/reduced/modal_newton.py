@@ -13,7 +13,7 @@ are wanted, Ψ M δ with M the weights. They need K⁻¹ for the modes alone, on
 The step is exact, however few modes there are; no linear system of the mesh's size is solved.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -40,6 +40,13 @@ class ModalNewton:
     modes: Rows
     duals: Rows
     coupling: Float32Array
+
+    def leading(self, count: int) -> "ModalNewton":
+        """With the first `count` modes."""
+        return replace(
+            self, modes=self.modes.first(count), duals=self.duals.first(count),
+            coupling=np.ascontiguousarray(self.coupling[:count]),
+        )
 
     def step(self, unknowns: AnyArray, contact: ContactSystem) -> Float32Array:
         """Coefficients of the Newton step [mm times the root of the number of nodes], shape (m,).

@@ -45,6 +45,15 @@ class Rows:
             packed[:] = np.rint(values / scale[row])
         return Rows(numbers, scale)
 
+    def first(self, count: int) -> "Rows":
+        """The first `count` rows."""
+        return Rows(self.numbers[:count], None if self.scale is None else self.scale[:count])
+
+    def columns(self, chosen: IntArray) -> "Rows":
+        """Some of the columns, as they are kept."""
+        kept: Float32Array | NDArray[np.int16] = np.ascontiguousarray(self.numbers[:, chosen])  # type: ignore[assignment]
+        return Rows(kept, self.scale)
+
     def packed(self) -> "Rows":
         """In 16-bit integers."""
         return self if self.scale is not None else Rows.of(self.numbers, integers=True)

@@ -17,6 +17,7 @@ from mixpinn.records.answer import Answer, Contact, Source, Trust, discretisatio
 from mixpinn.records.error_budget import ErrorBudget, TotalError
 from mixpinn.reduced.compliance import read_ahead
 from mixpinn.reduced.hybrid import POSE_FILE, HybridModel, HybridState, load_bundle_mesh
+from mixpinn.reduced.outputs import Outputs
 from mixpinn.serving.bundle_budget import load_budget
 from mixpinn.serving.contact_input import checked_contact, checked_history
 from mixpinn.serving.motions import motions_of_field, motions_of_twists
@@ -141,6 +142,17 @@ class HybridPredictor:
                 values that are not finite.
         """
         return self.model.expand(self._state(nodes, displacements))
+
+    def outputs(self, nodes: AnyArray | None = None) -> Outputs:
+        """What predicts the displacement of some nodes alone, for less than that of all; prepared once, used often.
+
+        Args:
+            nodes: which, shape (k,): skin, parts, any of the mesh; None for its vertices.
+
+        Raises:
+            InputError: a node that the mesh does not have.
+        """
+        return Outputs(self.model, np.arange(self.mesh.n_points) if nodes is None else nodes)
 
     def predict_at(self, nodes: AnyArray, displacements: AnyArray, *, reference: AnyArray | None = None) -> Answer:
         """The whole answer to contact displacements; operands and errors as in `predict`.

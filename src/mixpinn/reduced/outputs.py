@@ -1,0 +1,68 @@
+"""Outputs: the hybrid model's answer at some nodes alone, for less than the whole field costs.
+
+What z adds to the prior's response is summed up over the unknowns of these nodes only: over the vertices of a mesh of
+ten-node cells, a seventh of all. The residual behind z still needs the whole response.
+"""
+
+import numpy as np
+
+from mixpinn.base.arrays import AnyArray, Float32Array, FloatArray, IntArray
+from mixpinn.base.errors import InputError
+from mixpinn.geometry.rotations import rotation_from_vector
+from mixpinn.reduced.hybrid import HybridModel
+
+
+class Outputs:
+    """Displacements of chosen nodes, in the order in which they were chosen.
+
+    Example:
+        >>> vertices = Outputs(model, np.arange(model.mesh.n_points))  # doctest: +SKIP
+        >>> moved = vertices.predict(contact_nodes, displacements)  # doctest: +SKIP
+    """
+
+    def __init__(self, model: HybridModel, nodes: AnyArray) -> None:
+        """Prepare.
+
+        Args:
+            model: contact displacement in, displacement out.
+            nodes: of its mesh, shape (k,).
+
+        Raises:
+            InputError: a node that the mesh does not have.
+        """
+        chosen, mesh, coordinates = np.asarray(nodes, dtype=np.int64).ravel(), model.mesh, model.prior.coordinates
+        if len(chosen) and not (chosen.min() >= 0 and chosen.max() < mesh.n_nodes):
+            raise InputError(
+                "nodes", expected=f"nodes of the mesh, 0 to {mesh.n_nodes - 1}",
+                got=f"{chosen.min()} to {chosen.max()}", fix="ask for nodes of the mesh",
+            )
+        self.model, self.nodes = model, chosen
+        order = np.minimum(np.searchsorted(coordinates.free, chosen), len(coordinates.free) - 1)
+        self._soft: IntArray = np.flatnonzero(coordinates.free[order] == chosen)
+        soft = (3 * order[self._soft][:, None] + np.arange(3)).ravel()
+        self._unknowns: IntArray = np.concatenate([soft, np.arange(coordinates.n_soft, coordinates.size)])
+        self._place: IntArray = np.full(coordinates.size, -1)
+        self._place[soft] = np.arange(len(soft))
+        self._modes = model.newton.modes.columns(self._unknowns)
+        self._parts: list[tuple[int, IntArray, FloatArray]] = []
+        for number, (members, arms) in enumerate(zip(coordinates.parts, coordinates.arms, strict=True)):
+            at = np.minimum(np.searchsorted(members, chosen), max(len(members) - 1, 0))
+            of_part = np.flatnonzero(members[at] == chosen) if len(members) else np.empty(0, dtype=np.int64)
+            if len(of_part):
+                self._parts.append((number, of_part, arms[at[of_part]]))
+
+    def predict(self, nodes: AnyArray, displacements: AnyArray) -> Float32Array:
+        """Displacement of the chosen nodes [mm], float32, shape (k, 3); operands and errors of `HybridModel.solve`."""
+        state = self.model.respond(nodes, displacements)
+        found = state.response[self._unknowns]
+        self._modes.add_to(found, state.correction)
+        held = self._place[state.contact.unknowns]
+        asked = held >= 0
+        found[held[asked]] = np.asarray(displacements, dtype=np.float32).ravel()[asked]
+        field = np.zeros((len(self.nodes), 3), dtype=np.float32)
+        twists = found[3 * len(self._soft):].astype(np.float64).reshape(-1, 6)
+        field[self._soft] = found[: 3 * len(self._soft)].reshape(-1, 3)
+        for number, rows, arms in self._parts:
+            turn = rotation_from_vector(twists[number, 3:]) - np.eye(3)
+            field[rows] = twists[number, :3] + arms @ turn.T
+        return field
