@@ -7,6 +7,7 @@ RUNS ?= runs
 # Linear algebra, element kernels and networks share these cores.
 THREADS ?= $(shell nproc 2>/dev/null || echo 2)
 DATA ?= ../shared/data/patient1
+CONFIG ?= configs/patient1.toml
 PROBE ?= $(wildcard $(DATA)/paper/probe_collision.stl)
 # The mesher CGAL is licensed under the GPL; EXTRAS=dicom,distributed,dev,docs leaves it out, and fTetWild is used.
 EXTRAS ?= cgal,dicom,distributed,dev,docs
@@ -33,8 +34,8 @@ demo: $(STAMP) ## The whole pipeline on the built-in phantom, from label map to 
 	$(BIN)/mixpinn demo --out $(RUNS)/demo
 
 patient1: $(STAMP) ## The same pipeline on a real patient (DATA=folder with one NIfTI a structure, PROBE=its .stl)
-	$(BIN)/mixpinn run configs/patient1.toml --set anatomy.path=$(DATA) \
-		$(if $(PROBE),--set simulation.probe=$(PROBE)) --out $(RUNS)/patient1
+	$(BIN)/mixpinn run $(CONFIG) --set anatomy.path=$(DATA) \
+		$(if $(PROBE),--set simulation.probe=$(PROBE)) --out $(RUNS)/$(basename $(notdir $(CONFIG)))
 
 # The matrices of a test are small: with a thread for each of two processes, none waits for the other's.
 test drill: export OMP_NUM_THREADS = 1

@@ -36,13 +36,13 @@ Answer = Callable[[int], tuple[np.ndarray, np.ndarray]]
 
 def score(answer: Answer, table: SampleTable, coordinates: ReducedCoordinates) -> dict[str, float]:
     """Errors of `answer` on all samples of `table`."""
-    rigid = np.concatenate(coordinates.parts)
+    rigid = np.concatenate([part[:count] for part, count in zip(coordinates.parts, coordinates.vertices, strict=True)])
     mee, rigid_mee, shifts, turns, forces = [], [], [], [], []
     for i in range(len(table)):
         unknowns, force = answer(i)
         truth = table.displacement[i]
         error = np.linalg.norm(coordinates.expand(unknowns) - truth, axis=1)
-        mee.append(error.mean())
+        mee.append(error[: coordinates.n_vertices].mean())
         rigid_mee.append(error[rigid].mean())
         mine, true = coordinates.twists(unknowns), coordinates.twists(coordinates.project(truth))
         shifts.append(np.linalg.norm(mine[:, :3] - true[:, :3], axis=1))

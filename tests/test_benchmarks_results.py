@@ -8,6 +8,7 @@ import pytest
 
 from benchmarks.results import __main__ as results
 from benchmarks.results import full_scale
+from benchmarks.results.bundles import BUNDLES
 from benchmarks.results.experiments import render
 from benchmarks.results.section import Section, table
 from mixpinn.base.files import write_json
@@ -124,3 +125,25 @@ def test_networks_at_full_width_stand_beside_the_ridge_and_the_paper(tmp_path, m
     assert "| *MIXPINN, the paper's own samples* | 0.2588 |" in text  # the paper's Table of models
     assert "| row-10 | 2 | 1 | 0.9000 | 0.8000 | 3 | 0.001 | 4 |" in text
     assert (tmp_path / "images" / full_scale.PICTURE).stat().st_size > 5_000
+
+
+def test_bundles_show_what_was_measured_of_them_and_a_dash_for_the_rest(tmp_path):
+    run = tmp_path / "one"
+    run.mkdir()
+    rounds = [
+        {"stage": "prior", "minutes": 0.4},
+        {"stage": "8 poses", "poses": 8, "prior_mee": 0.03, "model_mee": 0.03, "no_motion": 0.5, "minutes": 3.0},
+        {"stage": "16 poses", "poses": 8, "prior_mee": 0.02, "model_mee": 0.0123, "no_motion": 0.4, "minutes": 7.0},
+    ]
+    write_json(run / "rounds.json", {"seconds": 420.0, "rounds": rounds})
+    bare = BUNDLES.collect([f"a patient={run}"], tmp_path)
+    assert "| a patient | 16 | 0.40 | 0.0200 | 0.0123 | – | – | – | – |" in BUNDLES.brief(bare)
+    write_json(run / "dependability.json", {
+        "answers": 3240, "answered": 0.998, "unconverged": 0, "absurd": 0, "jumps": 1, "dips": 0, "nonsense_passed": 0,
+        "thread_differences": 0, "pose_mee": 0.0412, "pose_mee_max": 0.31,
+        "bound_coverage": {"field": 1.0, "force": 0.96, "motion": 0.95},
+        "bound_sharpness": {"field": 2.5, "force": 3.4, "motion": 2.6},
+    })
+    text = BUNDLES.render(BUNDLES.collect([f"a patient={run}"], tmp_path))
+    assert "| a patient | 16 | 0.40 | 0.0200 | 0.0123 | – | 0.041 | 0.31 | – |" in text
+    assert "| a patient | 3240 | 99.8% | 0 / 0 / 1 / 0 | 0 | 0 | 1.00 / 0.96 / 0.95 | 2.5 / 3.4 / 2.6 |" in text

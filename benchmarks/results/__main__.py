@@ -9,14 +9,15 @@ import argparse
 from functools import partial
 from pathlib import Path
 
+from benchmarks.results.bundles import BUNDLES
 from benchmarks.results.experiments import EXPERIMENTS
 from benchmarks.results.full_scale import FULL_SCALE
 from benchmarks.results.gpu import GPU
 from benchmarks.results.hybrid import HYBRID
 from benchmarks.results.hybrid import short as hybrid_short
-from benchmarks.results.pipeline_run import DEMO, PATIENT1, short, timing
+from benchmarks.results.pipeline_run import DEMO, PATIENT1, PATIENT1_LINEAR, short, timing
 from benchmarks.results.profile import PROFILE
-from benchmarks.results.protocol import PROTOCOL
+from benchmarks.results.protocol import OWN_PROTOCOL, PROTOCOL
 from benchmarks.results.section import Section, full_text, page_text, store, stored
 from benchmarks.results.speed import SPEED
 from benchmarks.results.truth import TRUTH
@@ -24,7 +25,10 @@ from mixpinn.base.files import write_text
 from mixpinn.base.rundir import is_finished
 
 ROOT = Path(__file__).parents[2]
-SECTIONS: tuple[Section, ...] = (TRUTH, PATIENT1, DEMO, HYBRID, EXPERIMENTS, FULL_SCALE, GPU, PROFILE, PROTOCOL, SPEED)
+SECTIONS: tuple[Section, ...] = (
+    TRUTH, BUNDLES, PATIENT1, PATIENT1_LINEAR, DEMO, HYBRID, EXPERIMENTS, FULL_SCALE, GPU, PROFILE, PROTOCOL,
+    OWN_PROTOCOL, SPEED,
+)
 """In the order of the page."""
 EFFECTS = "anatomy-effects"
 """Page that ``benchmarks.anatomy_effects`` writes by itself."""

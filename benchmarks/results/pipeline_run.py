@@ -1,4 +1,4 @@
-"""Sections of ``make demo`` and ``make patient1``: headline, stage times, every table of the report."""
+"""Sections of ``make demo`` and ``make patient1``, also on linear cells: headline, times, tables of the report."""
 
 import shutil
 from functools import partial
@@ -9,6 +9,7 @@ from mixpinn.base.files import atomic_path, read_json
 
 ROOT = Path(__file__).parents[2]
 _REFINED = "against its own solver, quadratic tetrahedra refined under the probe"
+LINEAR = "patient1-linear"
 PICTURES = ("prediction.png", "error.png")
 
 
@@ -69,6 +70,11 @@ def brief(data: Data, *, name: str, title: str, command: str) -> str:
     ])
 
 
+def headline(data: Data, *, title: str, command: str) -> str:
+    """The section in one paragraph."""
+    return "\n".join([f"## {title}\n", f"{data['headline']} {timing(data, command=command)}\n"])
+
+
 def short(data: Data, *, command: str) -> str:
     """The few figures of a run that the README shows."""
     tables = data["tables"]
@@ -89,10 +95,12 @@ def section(name: str, title: str, command: str) -> Section:
     """The section of a pipeline run."""
     return Section(
         name, partial(collect, name=name), partial(render, name=name, title=title, command=command),
-        brief=partial(brief, name=name, title=title, command=command), kind=_REFINED if name == "demo" else OWN_SOLVER,
+        brief=partial(headline, title=title, command=command) if name == LINEAR
+        else partial(brief, name=name, title=title, command=command), kind=OWN_SOLVER if name == LINEAR else _REFINED,
         help=f"run directory of '{command}'", default=ROOT / "runs" / name,
     )
 
 
 PATIENT1 = section("patient1", "One patient", "make patient1")
+PATIENT1_LINEAR = section(LINEAR, "The same patient on linear cells", f"make patient1 CONFIG=configs/{LINEAR}.toml")
 DEMO = section("demo", "Demo on the phantom", "make demo")

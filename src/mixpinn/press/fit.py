@@ -227,10 +227,11 @@ def pose_errors(
     coordinates: ReducedCoordinates, unknowns: AnyArray, wrench: AnyArray, truth: AnyArray, true_wrench: AnyArray,
 ) -> FloatArray:
     """Errors in the order of `mixpinn.press.error_law.TARGETS`, shape (3,); unknowns (D,) and wrenches (6,)."""
-    field = np.linalg.norm(coordinates.expand(unknowns) - coordinates.expand(truth), axis=1).mean()
+    apart = coordinates.expand(unknowns) - coordinates.expand(truth)
+    field = np.linalg.norm(apart[: coordinates.n_vertices], axis=1).mean()
     force = np.linalg.norm(wrench[:3] - true_wrench[:3])
-    apart = coordinates.twists(unknowns)[:, :3] - coordinates.twists(truth)[:, :3]
-    return np.array([field, force, np.linalg.norm(apart, axis=1).max(initial=0.0)])
+    motion = coordinates.twists(unknowns)[:, :3] - coordinates.twists(truth)[:, :3]
+    return np.array([field, force, np.linalg.norm(motion, axis=1).max(initial=0.0)])
 
 
 def _joined(field: PoseCorrection, force: PoseCorrection) -> PoseCorrection:

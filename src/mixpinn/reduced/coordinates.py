@@ -27,6 +27,7 @@ class ReducedCoordinates:
         arms: rest position of each of their nodes less the part's centroid [mm], shapes (p, 3).
         vertices: how many of them are vertices.
         n_nodes: number of nodes n.
+        n_vertices: how many of them, the first ones, are vertices; errors of fields are told over these.
         held: which parts are held in place: their twists stay zero, shape (K,).
     """
 
@@ -38,7 +39,7 @@ class ReducedCoordinates:
             mesh.node_points[nodes] - mesh.points[nodes[:count]].mean(axis=0)
             for nodes, count in zip(self.parts, self.vertices, strict=True)
         ]
-        self.n_nodes = mesh.n_nodes
+        self.n_nodes, self.n_vertices = mesh.n_nodes, mesh.n_points
         ends = np.cumsum([0, *map(len, self.parts)])
         self._joined = (
             np.concatenate([np.zeros(0, np.int64), *self.parts]), np.concatenate([np.zeros((0, 3)), *self.arms]),
