@@ -1,9 +1,14 @@
 """PoseErrorLaw: which errors to expect of an answer from the pose, from what can be seen of the answer itself.
 
-Each error e (mean Euclidean error of the field, force on the probe, largest translation of a rigid part) follows a
-log-linear law, log ê = c₀ + Σ c_i log s_i, of the signs s: how large field and force are, how far the body departed
-from its linear answer, and how much was learned on top. The law is fitted on predictions of poses that the correction
-was not fitted on; the bound is ê times a quantile of e / ê on them, with a margin for how few poses there were.
+Each error e (mean Euclidean error of the field, force on the probe, largest translation of a rigid part) has a scale
+ê that follows a log-linear law, log ê = c₀ + Σ c_i log s_i, of the signs s: how large field, force and motion are, how
+far the body departed from its linear answer, and how much was learned on top. The law is fitted on predictions of poses
+that the correction was not fitted on, as if errors were normal with standard deviation ê: most likely is the least
+
+    Σ (log ê + e² / 2 ê²),
+
+which is convex in c. (A regression of log e would follow errors that happen to be small, of which bounds tell nothing.)
+The bound is ê times the quantile of e / ê on these poses.
 """
 
 from collections.abc import Mapping
@@ -13,14 +18,12 @@ from typing import Any
 import numpy as np
 
 from mixpinn.base.arrays import AnyArray, FloatArray
-from mixpinn.reduced.ridge import ridge
 
 TARGETS = ("field", "force", "motion")
 """What errors are told of: field [mm], force [N], motion of the rigid parts [mm]."""
 _FLOOR = 1e-6
-_HIGHEST_RANK = 0.975
-_FEW = 0.3
-"""Answers at one position err alike: from few positions a quantile is uncertain by about this over their root."""
+_STEPS = 60
+"""Of Newton's method; about ten are needed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,34 +41,25 @@ class PoseErrorLaw:
     level: float
 
     def expected(self, signs: AnyArray) -> FloatArray:
-        """ê of each error for signs (s,), shape (3,)."""
-        found: FloatArray = np.exp(self.coefficients @ _row(signs))
+        """ê of each error for signs, shape (3,); later ones than the law was fitted with do not count."""
+        found: FloatArray = np.exp(self.coefficients @ _row(signs)[: self.coefficients.shape[1]])
         return found
 
     @staticmethod
-    def fit(signs: FloatArray, errors: FloatArray, groups: AnyArray, *, level: float = 0.95, penalty: float = 1e-3) -> (
-        "PoseErrorLaw"
-    ):
+    def fit(signs: FloatArray, errors: FloatArray, *, level: float = 0.95, penalty: float = 1e-3) -> "PoseErrorLaw":
         """Calibrate.
 
         Args:
             signs: of n answers, shape (n, s).
             errors: of them, shape (n, 3).
-            groups: which answers belong to one pose or place and are correlated, shape (n,).
             level: probability of the bounds.
-            penalty: of the ridge regression, relative to the number of answers; keeps collinear signs apart.
+            penalty: of the squares of c_i, relative to the number of answers; keeps collinear signs apart.
         """
         rows = np.array([_row(sign) for sign in signs])
-        target = np.log(np.maximum(errors, _FLOOR))
-        centre = rows.mean(axis=0)
-        centred = rows[:, 1:] - centre[1:]
-        slopes = ridge(centred, target - target.mean(axis=0), penalty=penalty * len(rows)).T
-        coefficients = np.column_stack([target.mean(axis=0) - slopes @ centre[1:], slopes])
-        ratio = np.exp(target - rows @ coefficients.T)
-        count = len(np.unique(groups))
-        rank = min(_HIGHEST_RANK, level * (count + 1) / count)
-        wider = 1.0 + _FEW / np.sqrt(count)
-        return PoseErrorLaw(coefficients, wider * np.quantile(ratio, rank, axis=0), level)
+        size = np.maximum(errors, _FLOOR)
+        coefficients = np.array([_scale_law(rows, size[:, j], penalty) for j in range(size.shape[1])])
+        ratio = size * np.exp(-rows @ coefficients.T)
+        return PoseErrorLaw(coefficients, np.quantile(ratio, level, axis=0), level)
 
     def as_dict(self) -> dict[str, Any]:
         """Plain values."""
@@ -84,3 +78,31 @@ class PoseErrorLaw:
 
 def _row(signs: AnyArray) -> FloatArray:
     return np.concatenate([[1.0], np.log(np.maximum(signs, _FLOOR))])
+
+
+def _scale_law(rows: FloatArray, errors: FloatArray, penalty: float) -> FloatArray:
+    """c of least Σ (log ê + e² / 2 ê²) + ½ `penalty` n Σ c_i², c₀ free, of rows [1, log s] (n, 1 + s), errors (n,)."""
+    centre = np.concatenate([[0.0], rows[:, 1:].mean(axis=0)])
+    centred = rows - centre
+    squared, held = errors**2, penalty * len(rows) * np.eye(rows.shape[1])
+    held[0, 0] = 0.0
+
+    def cost(c: FloatArray) -> float:
+        scale = centred @ c
+        return float((scale + 0.5 * squared * np.exp(-2.0 * scale)).sum() + 0.5 * c @ held @ c)
+
+    c = np.zeros(rows.shape[1])
+    c[0] = 0.5 * np.log(squared.mean())
+    for _ in range(_STEPS):
+        share = squared * np.exp(-2.0 * (centred @ c))
+        slope = centred.T @ (1.0 - share) + held @ c
+        curvature = centred.T @ (centred * (2.0 * share)[:, None]) + held
+        curvature[0, 0] += 1e-9 * len(rows)
+        step, length, before = -np.linalg.solve(curvature, slope), 1.0, cost(c)
+        while length > 1e-6 and not cost(c + length * step) <= before:
+            length *= 0.5
+        c = c + length * step
+        if np.abs(length * step).max() < 1e-9:
+            break
+    c[0] -= c[1:] @ centre[1:]
+    return c

@@ -220,7 +220,7 @@ def _calibrate(model: PoseModel, samples: PoseSamples, modes: Float32Array, left
         wrench = base.contact.wrench + left[i, -6:]
         signs.append(model.signs(base, unknowns, wrench))
         errors.append(pose_errors(coordinates, unknowns, wrench[0], samples.truth[i], samples.true_wrench[i]))
-    return PoseErrorLaw.fit(np.array(signs), np.array(errors), samples.group)
+    return PoseErrorLaw.fit(np.array(signs), np.array(errors))
 
 
 def pose_errors(

@@ -213,12 +213,13 @@ class PoseModel:
         return unknowns, wrench + more
 
     def signs(self, base: Uncorrected, unknowns: Float32Array, wrench: FloatArray) -> FloatArray:
-        """What errors show in: field, force, depth, bend, step of the hybrid model, learned parts [mm, N], (7,)."""
+        """What errors show in: field, force, depth, bend, hybrid model's step, learned parts, motion [mm, N], (8,)."""
         root = np.sqrt(self.hybrid.mesh.n_points)
+        motions = self.hybrid.prior.coordinates.twists(unknowns)[:, :3]
         return np.array([
             self._size(unknowns) / root, np.linalg.norm(wrench[:, :3]), max(float(base.contact.depths.max()), 0.0),
             base.bent, base.stepped / root, self._size(unknowns - base.unknowns) / root,
-            np.linalg.norm((wrench - base.contact.wrench)[:, :3]),
+            np.linalg.norm((wrench - base.contact.wrench)[:, :3]), np.linalg.norm(motions, axis=1).max(initial=0.0),
         ])
 
     def _size(self, unknowns: Float32Array) -> float:
