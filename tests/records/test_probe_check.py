@@ -6,7 +6,7 @@ import pytest
 from mixpinn.base.errors import InputError
 from mixpinn.geometry.probe_shapes import linear_probe, spherical_probe
 from mixpinn.records.probe import Probe, check_probe
-from mixpinn.records.surface_file import edge_uses
+from mixpinn.records.triangle_edges import edge_uses
 
 PROBE = linear_probe()
 

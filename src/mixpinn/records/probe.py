@@ -12,7 +12,8 @@ from mixpinn.base.arrays import FloatArray, IntArray
 from mixpinn.base.errors import InputError
 from mixpinn.base.files import hash_arrays
 from mixpinn.records.probe_valleys import valley_warning
-from mixpinn.records.surface_file import edge_uses, read_surface
+from mixpinn.records.surface_file import read_surface
+from mixpinn.records.triangle_edges import edge_uses
 from mixpinn.records.vtk_file import write_vtk
 
 _SMALLEST, _SMALL, _LARGEST, _OFF, _FACE = 2.0, 8.0, 1000.0, 3.0, 5.0

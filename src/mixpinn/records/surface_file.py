@@ -9,6 +9,7 @@ from mixpinn.base.errors import InputError
 from mixpinn.base.reader_process import read_apart
 from mixpinn.base.validated import ArraySpec
 from mixpinn.records.strict_vtk import strict_vtk
+from mixpinn.records.triangle_edges import edge_uses
 
 
 def read_surface(path: Path | str, *, expected: str, fix: str) -> tuple[FloatArray, IntArray]:
@@ -65,22 +66,6 @@ def surface_arrays(path: Path) -> tuple[dict[str, AnyArray], None]:
         )
         triangles = np.asarray(surface.regular_faces, dtype=np.int64).reshape(-1, 3)
     return {"points": np.asarray(surface.points, dtype=np.float64), "triangles": triangles}, None
-
-
-def edge_uses(triangles: IntArray) -> tuple[IntArray, IntArray, IntArray]:
-    """The edges of a surface, how many triangles each has, and how many of these run along it.
-
-    Args:
-        triangles: shape (t, 3).
-
-    Returns:
-        edges, lower vertex first, shape (e, 2); triangles of each, shape (e,); those that take its vertices in this
-        order, shape (e,): one of the two where they face the same way.
-    """
-    directed = np.concatenate([triangles[:, [a, b]] for a, b in ((0, 1), (1, 2), (2, 0))])
-    edges, place, faces = np.unique(np.sort(directed, axis=1), axis=0, return_inverse=True, return_counts=True)
-    along = np.bincount(place.ravel()[directed[:, 0] < directed[:, 1]], minlength=len(edges))
-    return edges, faces, along
 
 
 def _check_length(path: Path) -> None:

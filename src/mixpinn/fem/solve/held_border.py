@@ -28,6 +28,7 @@ from mixpinn.fem.solve.linear import default_solver
 from mixpinn.fem.solve.scene_models import elastic_system
 from mixpinn.mesh.cells.bisect import refine_to
 from mixpinn.records import Simulation, TissueMesh
+from mixpinn.records.triangle_edges import border_edges
 
 _SPACING = 2.0
 """Of the points that stand for the border [mm]."""
@@ -51,10 +52,7 @@ def held_border(mesh: TissueMesh) -> FloatArray:
 
 def _border_edges(mesh: TissueMesh) -> IntArray:
     faces = mesh.skin_faces[mesh.fixed[mesh.skin_faces].all(axis=1)]
-    sides = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
-    edges, count = np.unique(sides, axis=0, return_counts=True)
-    found: IntArray = edges[count == 1]
-    return found
+    return border_edges(faces)
 
 
 def finer_border(mesh: TissueMesh, edge: float) -> TissueMesh:

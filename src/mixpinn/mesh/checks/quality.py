@@ -8,6 +8,7 @@ from mixpinn.base.arrays import AnyArray, FloatArray
 from mixpinn.mesh.cells.label import part_contacts
 from mixpinn.records.tetrahedra import TETRA_FACES, signed_volumes
 from mixpinn.records.tissue_mesh import TissueMesh
+from mixpinn.records.triangle_edges import edge_uses
 
 _SLIVER = 5.0
 """A cell with a dihedral angle below this is counted as a sliver [degree]."""
@@ -87,9 +88,7 @@ def mesh_quality(mesh: TissueMesh) -> MeshQuality:
     """Measure `mesh`."""
     angles, ratios = dihedral_angles(mesh.points, mesh.cells), radius_ratios(mesh.points, mesh.cells)
     volumes, contacts = mesh.cell_volumes, part_contacts(mesh)
-    faces = mesh.boundary_faces
-    edges = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
-    _, count = np.unique(edges, axis=0, return_counts=True)
+    _, count, _ = edge_uses(mesh.boundary_faces)
     smallest = angles.min(axis=1)
     return MeshQuality(
         n_points=mesh.n_points, n_cells=len(mesh.cells), min_dihedral=float(smallest.min()),

@@ -6,6 +6,7 @@ import numpy as np
 from mixpinn.base.arrays import AnyArray, FloatArray, IntArray
 from mixpinn.base.errors import InputError
 from mixpinn.mesh.surfaces.surface import DomainSurfaces, Surface
+from mixpinn.records.triangle_edges import edge_uses
 
 
 def check_surface(surface: Surface) -> Surface:
@@ -15,14 +16,13 @@ def check_surface(surface: Surface) -> Surface:
         InputError: open, branching, inconsistently oriented, self-intersecting, or without volume.
     """
     triangles = surface.triangles
-    edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
-    _, count = np.unique(np.sort(edges, axis=1), axis=0, return_counts=True)
+    _, count, along = edge_uses(triangles)
     if (count == 1).any():
         raise InputError(
             surface.name, expected="a closed surface", got=f"an open one with {int((count == 1).sum())} border edges",
             fix="fill its holes",
         )
-    if (count > 2).any() or len(np.unique(edges, axis=0)) < len(edges):
+    if (count > 2).any() or (along != 1).any():
         raise InputError(
             surface.name, expected="a surface with two triangles an edge, oriented alike",
             got="branching edges or triangles turned over", fix="repair it in a mesh editor",
