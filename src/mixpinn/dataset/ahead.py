@@ -18,11 +18,12 @@ class SimulationsAhead:
     A thread sees to the worker processes; their results do not depend on what is done meanwhile. Leaving the context
     early ends them, and loses the poses in flight.
 
-    Example:
-        >>> with SimulationsAhead(scene, poses, store, workers=2) as ahead:  # doctest: +SKIP
-        ...     ahead.wait(poses[:8])
-        ...     model = fit(build_sample_table(store, poses=poses[:8]))  # while the next ones are simulated
-        ...     ahead.wait(poses[8:])
+    It is used like this::
+
+        with SimulationsAhead(scene, poses, store, workers=2) as ahead:
+            ahead.wait(poses[:8])
+            learn(build_sample_table(store, poses=poses[:8]))  # while the next ones are simulated
+            ahead.wait(poses[8:])
     """
 
     def __init__(

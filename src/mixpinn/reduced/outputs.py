@@ -15,9 +15,10 @@ from mixpinn.reduced.hybrid import HybridModel
 class Outputs:
     """Displacements of chosen nodes, in the order in which they were chosen.
 
-    Example:
-        >>> vertices = Outputs(model, np.arange(model.mesh.n_points))  # doctest: +SKIP
-        >>> moved = vertices.predict(contact_nodes, displacements)  # doctest: +SKIP
+    They are used like this::
+
+        vertices = Outputs(model, np.arange(model.mesh.n_points))
+        moved = vertices.predict(contact_nodes, displacements)
     """
 
     def __init__(self, model: HybridModel, nodes: AnyArray) -> None:
