@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from benchmarks.results.section import Data, Section, table
+from benchmarks.results.section import REFINED, Data, Section, table
 from mixpinn.base.files import read_json
 
 FILES = ("hybrid", "dependability", "latency")
@@ -85,8 +85,7 @@ def brief(data: Data) -> str:
 
 
 BUNDLES = Section(
-    "bundles", collect, render, brief=brief,
-    kind="against its own solver, quadratic tetrahedra refined under the probe",
-    metavar="NAME=DIR", help="run directory of 'mixpinn onboard', with what benchmarks found of its bundle beside it",
+    "bundles", collect, render, brief=brief, kind=REFINED, metavar="NAME=DIR",
+    help="run directory of 'mixpinn onboard', with what benchmarks found of its bundle beside it",
     several=True,
 )

@@ -4,11 +4,10 @@ import shutil
 from functools import partial
 from pathlib import Path
 
-from benchmarks.results.section import OWN_SOLVER, Data, Section, table
+from benchmarks.results.section import OWN_SOLVER, REFINED, Data, Section, table
 from mixpinn.base.files import atomic_path, read_json
 
 ROOT = Path(__file__).parents[2]
-_REFINED = "against its own solver, quadratic tetrahedra refined under the probe"
 LINEAR = "patient1-linear"
 PICTURES = ("prediction.png", "error.png")
 
@@ -96,7 +95,7 @@ def section(name: str, title: str, command: str) -> Section:
     return Section(
         name, partial(collect, name=name), partial(render, name=name, title=title, command=command),
         brief=partial(headline, title=title, command=command) if name == LINEAR
-        else partial(brief, name=name, title=title, command=command), kind=OWN_SOLVER if name == LINEAR else _REFINED,
+        else partial(brief, name=name, title=title, command=command), kind=OWN_SOLVER if name == LINEAR else REFINED,
         help=f"run directory of '{command}'", default=ROOT / "runs" / name,
     )
 

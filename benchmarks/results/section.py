@@ -15,6 +15,9 @@ Data = dict[str, Any]
 OWN_SOLVER = "against its own solver, linear tetrahedra"
 """Kind of figure: what a model learned of the simulations that it was given."""
 
+REFINED = "against its own solver, quadratic tetrahedra refined under the probe"
+"""The same, with simulations as onboarding makes them."""
+
 SOFA = "against SOFA's recordings on the same mesh, linear tetrahedra"
 """Kind of figure: the same, with another simulator's fields."""
 
