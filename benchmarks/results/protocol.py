@@ -30,7 +30,8 @@ def _taught(data: Data) -> list[str]:
         "A predictor taught on a part of these positions (`mixpinn train DIR --model hybrid --split split.json`; "
         f"`python -m benchmarks.hybrid`), on {of['samples']} samples at positions that it has not seen: MEE "
         f"{of['mee']:.4f} mm (prior {of['prior_mee']:.4f}), rigid {of['rigid_mee']:.4f}, 95th percentile "
-        f"{of['mee_p95']:.3f}, worst {of['mee_max']:.3f}; REE {of['ree']:.0e}. From the pose alone {of['pose_mee']:.4f} mm, vertebrae within "
+        f"{of['mee_p95']:.3f}, worst {of['mee_max']:.3f}; REE {of['ree']:.0e}. From the pose alone "
+        f"{of['pose_mee']:.4f} mm, vertebrae within "
         f"{of['vertebra_translation_p95']:.3f} mm and {of['vertebra_rotation_p95_deg']:.3f}° and force within "
         f"{of['force_error_p95']:.1%} at the 95th percentile.\n",
     ]
