@@ -45,7 +45,8 @@ def _accuracy(bundles: dict[str, Any]) -> str:
         [(
             name, entry["poses"], f"{entry['last_round']['no_motion']:.2f}", f"{entry['last_round']['prior_mee']:.4f}",
             _cell(entry["hybrid"] or {"mee": entry["last_round"]["model_mee"]}, "mee"),
-            _cell(entry["hybrid"], "rigid_mee"), _cell(entry["dependability"], "pose_mee", ".3f"), _cell(entry["dependability"], "pose_mee_max", ".2f"),
+            _cell(entry["hybrid"], "rigid_mee"), _cell(entry["dependability"], "pose_mee", ".3f"),
+            _cell(entry["dependability"], "pose_mee_max", ".2f"),
             _cell(entry["hybrid"], "force_error_p95", ".1%"),
         ) for name, entry in bundles.items()],
     )
