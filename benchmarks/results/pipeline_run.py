@@ -94,7 +94,7 @@ def section(name: str, title: str, command: str) -> Section:
     """The section of a pipeline run."""
     return Section(
         name, partial(collect, name=name), partial(render, name=name, title=title, command=command),
-        brief=partial(headline, title=title, command=command) if name == LINEAR
+        brief=partial(headline, title=title, command=command) if name in (LINEAR, "demo")
         else partial(brief, name=name, title=title, command=command), kind=OWN_SOLVER if name == LINEAR else REFINED,
         help=f"run directory of '{command}'", default=ROOT / "runs" / name,
     )
