@@ -3,7 +3,8 @@
 ``python -m benchmarks.synthetic_shell MAPS --out FOLDER`` copies the maps of a folder with one NIfTI a structure and
 adds ``subcutaneous_fat_synthetic.nii.gz`` and ``skeletal_muscle_synthetic.nii.gz``; with ``phantom`` instead of a
 folder, the maps are those of the built-in phantom (``--seed``). ``mixpinn onboard FOLDER --layers`` then takes them. It
-serves to try layers on anatomies that come without: no figure made with it says anything about a patient's fat.
+serves to try layers on anatomies that come without: no figure made with it says anything about a patient's fat. The
+last line is a JSON object with the volume of each map [litres].
 """
 
 import argparse
@@ -13,6 +14,7 @@ from pathlib import Path
 import numpy as np
 from scipy import ndimage
 
+from benchmarks.history import report
 from mixpinn.anatomy.phantom import phantom_segmentation
 from mixpinn.anatomy.read import read_folder
 from mixpinn.anatomy.segmentation import Segmentation
@@ -49,10 +51,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
     else:
         found = read_folder(options.maps)
     options.out.mkdir(parents=True, exist_ok=True)
+    litres = {}
     for name, mask in with_shell(found, options.thickness).items():
         with atomic_path(options.out / f"{name}.nii.gz") as temporary:
             nib.save(nib.Nifti1Image(mask.astype(np.uint8), found.affine), temporary)
-        print(f"{name}: {mask.sum() * np.prod(found.spacing) / 1e6:.2f} litres")
+        litres[name] = float(mask.sum() * np.prod(found.spacing)) / 1e6
+    report("synthetic_shell", litres)
 
 
 if __name__ == "__main__":
