@@ -67,7 +67,7 @@ def page(folder: Path) -> str:
         "where one is named. Errors are in millimetres, over the samples of probe positions that no model has seen.\n",
         KINDS,
         *(page_text(section, data, folder.name) for section, data in shown.items()),
-        f"What joints, supports and layers do to force and motions: [tables]({folder.name}/{EFFECTS}.md).\n",
+        f"What joints, supports and layers do to force and motions: [tables]({folder.name}/{EFFECTS}.md).\n"
         "```{toctree}\n:hidden:\n\n" + "".join(f"{folder.name}/{section.name}\n" for section in shown)
         + f"{folder.name}/{EFFECTS}\n```\n",
     ])

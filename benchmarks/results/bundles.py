@@ -35,7 +35,7 @@ def _cell(values: dict[str, Any] | None, key: str, form: str = ".4f") -> str:
         return "–"
     if isinstance(value, dict):
         return " / ".join(format(part, form) for part in value.values())
-    return format(value, form)
+    return str(len(value)) if isinstance(value, list) else format(value, form)
 
 
 def _accuracy(bundles: dict[str, Any]) -> str:
