@@ -69,6 +69,16 @@ def test_a_harder_input_is_expected_to_be_worse_and_a_far_one_is_flagged(predict
     assert predictor.assess(sample.contact_nodes, 30.0 * sample.contact_displacement).outside
 
 
+def test_outputs_refuse_what_the_whole_field_refuses(predictor):
+    node, outputs = int(predictor.model.prior.nodes[0]), predictor.outputs()
+    for nodes, displacements in (([node], [[0.0, np.nan, 0.0]]), ([node, node], [[0.0, -1.0, 0.0]] * 2)):
+        with pytest.raises(InputError) as whole:
+            predictor.predict(nodes, displacements)
+        with pytest.raises(InputError) as part:
+            outputs.predict(nodes, displacements)
+        assert str(part.value) == str(whole.value)
+
+
 def test_bad_input_is_refused(predictor):
     with pytest.raises(InputError, match="probed skin"):
         predictor.predict_at([0], [[0.0, -1.0, 0.0]])

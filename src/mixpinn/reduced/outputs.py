@@ -4,12 +4,16 @@ What z adds to the prior's response is summed up over the unknowns of these node
 ten-node cells, a seventh of all. The residual behind z still needs the whole response.
 """
 
+from collections.abc import Callable
+
 import numpy as np
 
 from mixpinn.base.arrays import AnyArray, Float32Array, FloatArray, IntArray
 from mixpinn.base.errors import InputError
 from mixpinn.geometry.rotations import rotation_from_vector
 from mixpinn.reduced.hybrid import HybridModel
+
+Checked = Callable[[AnyArray, AnyArray], tuple[AnyArray, AnyArray]]
 
 
 class Outputs:
@@ -21,12 +25,13 @@ class Outputs:
         moved = vertices.predict(contact_nodes, displacements)
     """
 
-    def __init__(self, model: HybridModel, nodes: AnyArray) -> None:
+    def __init__(self, model: HybridModel, nodes: AnyArray, *, checked: Checked | None = None) -> None:
         """Prepare.
 
         Args:
             model: contact displacement in, displacement out.
             nodes: of its mesh, shape (k,).
+            checked: what contact nodes and displacements from outside must pass; returns them.
 
         Raises:
             InputError: a node that the mesh does not have.
@@ -37,7 +42,7 @@ class Outputs:
                 "nodes", expected=f"nodes of the mesh, 0 to {mesh.n_nodes - 1}",
                 got=f"{chosen.min()} to {chosen.max()}", fix="ask for nodes of the mesh",
             )
-        self.model, self.nodes = model, chosen
+        self.model, self.nodes, self._checked = model, chosen, checked
         order = np.minimum(np.searchsorted(coordinates.free, chosen), len(coordinates.free) - 1)
         self._soft: IntArray = np.flatnonzero(coordinates.free[order] == chosen)
         soft = (3 * order[self._soft][:, None] + np.arange(3)).ravel()
@@ -54,6 +59,8 @@ class Outputs:
 
     def predict(self, nodes: AnyArray, displacements: AnyArray) -> Float32Array:
         """Displacement of the chosen nodes [mm], float32, shape (k, 3); operands and errors of `HybridModel.solve`."""
+        if self._checked is not None:
+            nodes, displacements = self._checked(nodes, displacements)
         state = self.model.respond(nodes, displacements)
         found = state.response[self._unknowns]
         self._modes.add_to(found, state.correction)

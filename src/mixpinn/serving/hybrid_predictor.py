@@ -146,13 +146,16 @@ class HybridPredictor:
     def outputs(self, nodes: AnyArray | None = None) -> Outputs:
         """What predicts the displacement of some nodes alone, for less than that of all; prepared once, used often.
 
+        Its contacts are checked as those of `predict`.
+
         Args:
             nodes: which, shape (k,): skin, parts, any of the mesh; None for its vertices.
 
         Raises:
             InputError: a node that the mesh does not have.
         """
-        return Outputs(self.model, np.arange(self.mesh.n_points) if nodes is None else nodes)
+        chosen = np.arange(self.mesh.n_points) if nodes is None else nodes
+        return Outputs(self.model, chosen, checked=self._checked)
 
     def predict_at(self, nodes: AnyArray, displacements: AnyArray, *, reference: AnyArray | None = None) -> Answer:
         """The whole answer to contact displacements; operands and errors as in `predict`.
