@@ -1,14 +1,10 @@
-import os
-import signal
-import subprocess
-import sys
 import time
 
 import pytest
 
-from children import PATIENCE, hear_interrupts
+from children import PATIENCE
 from dataset.dataset_fakes import FakeScene, block, fake_runner, short_store
-from dataset.test_generation import PATHS, states
+from dataset.test_generation import interrupted, states
 from mixpinn.base.errors import InputError
 from mixpinn.dataset import GenerationSummary, PoseState, SimulationsAhead, build_sample_table, generate
 
@@ -86,30 +82,9 @@ def test_errors_reach_whoever_waits_or_leaves(tmp_path, monkeypatch):
 
 
 def test_leaving_early_ends_the_workers(tmp_path, log):
-    scene = FakeScene(block(3), log=log, pause=0.5)
-    store = short_store(tmp_path / "store", scene)
-    script = (
-        "import multiprocessing; from pathlib import Path; from dataset_fakes import *\n"
-        "from mixpinn.dataset import SimulationsAhead\n"
-        "if __name__ == '__main__':\n"
-        f"    scene = FakeScene(block(3), log=Path({str(log)!r}), pause=0.5)\n"
-        f"    store = short_store(Path({str(store.folder)!r}), scene)\n"
-        "    try:\n"
-        "        with SimulationsAhead(scene, store.poses, store, runner=fake_runner) as ahead:\n"
-        "            ahead.wait(store.poses)\n"
-        "    except KeyboardInterrupt:\n"
-        "        print('interrupted', len(multiprocessing.active_children()))\n"
+    store = interrupted(
+        tmp_path, log, "with SimulationsAhead(scene, store.poses, store, runner=fake_runner) as ahead:",
+        "    ahead.wait(store.poses)",
     )
-    (tmp_path / "interrupted.py").write_text(script)
-    process = subprocess.Popen(
-        [sys.executable, str(tmp_path / "interrupted.py")], stdout=subprocess.PIPE, text=True, start_new_session=True,
-        preexec_fn=hear_interrupts, env={**os.environ, "PYTHONPATH": PATHS},
-    )
-    while not any(path.name.startswith("pose_000_090") for path in log.iterdir()):
-        assert process.poll() is None
-        time.sleep(0.02)
-    process.send_signal(signal.SIGINT)
-    output, _ = process.communicate(timeout=PATIENCE)
-    assert output.split() == ["interrupted", "0"]
     assert states(store)[0] == "done"
     assert "missing" in states(store)

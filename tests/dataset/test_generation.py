@@ -99,18 +99,18 @@ def test_damaged_and_failed_poses_are_simulated_again(tmp_path, log):
     assert sorted(again.runs()) == ["pose_001_000", "pose_001_090", "pose_002_000"]
 
 
-def test_interrupt_stops_all_workers_and_keeps_what_is_done(tmp_path, log):
-    scene = FakeScene(block(3), log=log, pause=0.5)
-    store = short_store(tmp_path / "store", scene)
+def interrupted(tmp_path, log, *lines):
+    """The store of six poses whose simulation by these lines was interrupted in the second."""
+    store = short_store(tmp_path / "store", FakeScene(block(3), log=log, pause=0.5))
     # In a process of its own: Control-C must not reach the one that runs the tests.
     script = (
         "import multiprocessing; from pathlib import Path; from dataset_fakes import *\n"
-        "from mixpinn.dataset import generate\n"
+        "from mixpinn.dataset import SimulationsAhead, generate\n"
         "if __name__ == '__main__':\n"
         f"    scene = FakeScene(block(3), log=Path({str(log)!r}), pause=0.5)\n"
         f"    store = short_store(Path({str(store.folder)!r}), scene)\n"
         "    try:\n"
-        "        generate(scene, store.poses, store, runner=fake_runner)\n"
+        + "".join(f"        {line}\n" for line in lines) +
         "    except KeyboardInterrupt:\n"
         "        print('interrupted', len(multiprocessing.active_children()))\n"
     )
@@ -125,6 +125,11 @@ def test_interrupt_stops_all_workers_and_keeps_what_is_done(tmp_path, log):
     process.send_signal(signal.SIGINT)
     output, _ = process.communicate(timeout=PATIENCE)
     assert output.split() == ["interrupted", "0"]
+    return store
+
+
+def test_interrupt_stops_all_workers_and_keeps_what_is_done(tmp_path, log):
+    store = interrupted(tmp_path, log, "generate(scene, store.poses, store, runner=fake_runner)")
     assert states(store) == ["done", *["missing"] * 5]
     assert GenerationSummary.load(store.folder / "summary.json").done == 1
 

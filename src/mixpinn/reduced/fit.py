@@ -207,12 +207,12 @@ def fit_correction(
     readers = np.ascontiguousarray(prior.compliance.times(weights**2 * principal))
     step, coordinates = prepared.steps(newton), prepared.coordinates(readers)
     target, of_drawn = (coefficients(modes, weights, fields) for fields in (prepared.missed, steps))
+    responses = coefficients(wide, weights, prepared.response)
 
     def choose(m: int) -> tuple[Float32Array, dict[str, Any]]:
         return choose_correction(
             step[:, :m], coordinates, target[:, :m], prepared.position, drawn=of_drawn[:, :m],
-            responses=coefficients(wide, weights, prepared.response), newton=config.newton, response=config.response,
-            penalties=config.ridge,
+            responses=responses, newton=config.newton, response=config.response, penalties=config.ridge,
         )
 
     gain, chosen = choose(len(modes))
