@@ -193,6 +193,31 @@ def test_a_law_is_found_where_forces_follow_one_and_kept_with_the_model(model, t
     assert_array_equal(first.wrench, second.wrench)
 
 
+def test_a_law_tells_the_force_alone_where_the_body_follows_contact_nodes_better(model, tmp_path) -> None:
+    law = a_law()
+    table = simulated(model, law)
+    plain = [
+        model.predict(turn[None], place[None]).displacement
+        for turn, place in zip(table.probe_rotation, table.probe_translation, strict=True)
+    ]
+    samples = collect(model, replace(table, displacement=np.array(plain)))
+    found, learned = with_force_law(model, samples)
+    assert found.law is not None
+    assert not found.law.moves
+    assert_array_equal(learned.missed, samples.missed)
+    new = tip(x=17.3, z=22.7, depth=2.6)
+    true, before = (replace(model, law=one).predict(TURN[None], new[None]) for one in (law, None))
+    after = found.predict(TURN[None], new[None])
+    assert_array_equal(after.displacement, before.displacement)
+    left, was = (np.linalg.norm((each.wrench - true.wrench)[0, :3]) for each in (after, before))
+    assert left < 0.1 * was
+    found.hybrid.mesh.save(tmp_path / "mesh.vtu")
+    save_pose_model(found, tmp_path)
+    loaded = load_pose_model(tmp_path, model.hybrid)
+    assert loaded.law is not None
+    assert not loaded.law.moves
+
+
 def test_no_law_is_kept_where_the_contact_is_right(model) -> None:
     plain = replace(model, law=None)
     samples = collect(plain, simulated(plain, None))

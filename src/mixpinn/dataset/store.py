@@ -246,6 +246,11 @@ class SimulationStore:
         """Status of every pose, in order."""
         return [self.status(pose) for pose in self.poses]
 
+    @property
+    def is_complete(self) -> bool:
+        """Whether no pose is missing."""
+        return all(status.state is not PoseState.MISSING for status in self.statuses())
+
     def save(self, pose: Pose, simulation: Simulation, *, attempts: int = 1) -> PoseStatus:
         """Store the result of a pose in place of what was there.
 

@@ -15,8 +15,10 @@ Two fields of edge lengths, one q times the other everywhere, tell more than eit
 Under the rim of a sharp tool the displacement of the skin goes like the root of the distance r from the rim, as under a
 punch with an edge, and its gradient like 1/√r. What cells of size h cannot follow there has an energy of about
 ∫₀ʰ (1/√r)² r dr = h: p = 1, whatever the order of the cells. Under a rounded edge the gradient is bounded, and what is
-missed is missed at the border of contact, where pressure starts like a root: p is about 2. `rim_order` tells
-which of them a tool has; how well it holds on a patient is measured by ``python -m benchmarks.truth``. What is missed
+missed is missed at the border of contact, where the gradient goes on like √r: an energy of ∫₀ʰ (√r)² r dr ~ h³. Cells
+longer than the edge is round are between the two. From 20 to 7 mm p = 2.25 tells best what rounded tools tend to.
+`rim_order` tells which of them a tool has; how well it holds on a patient is measured by
+``python -m benchmarks.truth``. What is missed
 far from the probe, along the border of the held skin, is corrected otherwise (`mixpinn.fem.solve.held_border`).
 """
 
@@ -25,7 +27,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial import cKDTree
 
-from mixpinn.base.arrays import FloatArray
+from mixpinn.base.arrays import FloatArray, IntArray
 from mixpinn.base.sensible import not_negative, positive, require_settings
 from mixpinn.mesh.cells.bisect import refine_to
 from mixpinn.mesh.meshers.grading import surface_points
@@ -47,6 +49,9 @@ _SHARP = 35.0
 
 _LOWEST = 6.0
 """Edges of a tool farther above its tip do not meet skin first [mm]."""
+
+_SHARP_ORDER, _ROUNDED_ORDER = 1.0, 2.25
+"""Order with which the error of cells under a tool falls, by its edges; the latter is measured, see above."""
 
 _GROWTH = 0.05
 """Of the edge length with the distance from the probe, as a share of that under it, per mm."""
@@ -85,6 +90,10 @@ class LocalRefinement:
         """With h `factor` times as long everywhere."""
         return replace(self, edge=factor * self.edge, growth=factor * self.growth)
 
+    def of_tool(self, probe: Probe) -> "LocalRefinement":
+        """With the order of a tool, where none is given."""
+        return self if self.order is not None or not self.extrapolated else replace(self, order=rim_order(probe))
+
     def __str__(self) -> str:
         """In words; how edges grow away from the probe where it is not as usual."""
         usual = abs(self.growth - _GROWTH * self.edge) <= 1e-9 * self.edge
@@ -96,10 +105,10 @@ class LocalRefinement:
 
 
 def rim_order(probe: Probe) -> float:
-    """Order p in the edge length with which the error of cells under a tool falls: 1 for sharp edges, 2 for rounded."""
+    """Order p in the edge length with which cells under a tool err: 1 for sharp edges, 2.25 for rounded."""
     at = turns(probe.points, probe.triangles)
     sharp = ~at.concave & (at.angle > _SHARP) & (at.height <= probe.points[:, 1].min() + _LOWEST)
-    return 1.0 if sharp.any() else 2.0
+    return _SHARP_ORDER if sharp.any() else _ROUNDED_ORDER
 
 
 def refine_under(mesh: TissueMesh, probe: Probe, path: ProbePath, config: LocalRefinement) -> TissueMesh:
@@ -114,8 +123,7 @@ def refine_under(mesh: TissueMesh, probe: Probe, path: ProbePath, config: LocalR
         path: its poses.
         config: how fine.
     """
-    nodes, faces = np.unique(mesh.skin_faces, return_inverse=True)
-    skin = surface_points(Surface("skin", mesh.points[nodes], faces.reshape(-1, 3)), _SPACING)
+    skin = _skin_points(mesh, mesh.skin_faces)
     span = np.linalg.norm(probe.points, axis=1).max() + _DEEPEST
     low, high = path.translations.min(axis=0) - span, path.translations.max(axis=0) + span
     skin = skin[((skin >= low) & (skin <= high)).all(axis=1)]
@@ -124,10 +132,25 @@ def refine_under(mesh: TissueMesh, probe: Probe, path: ProbePath, config: LocalR
         low, high = _box(skin, probe, turn, tip)
         local = (skin - tip) @ turn
         met |= ((local >= low - _MARGIN) & (local <= high + _MARGIN)).all(axis=1)
-    nearest = cKDTree(skin[met])
+    return _refined_around(mesh, skin[met], config)
 
-    def length(points: FloatArray) -> FloatArray:
-        found: FloatArray = config.edge + config.growth * nearest.query(points)[0]
+
+def refine_skin(mesh: TissueMesh, faces: IntArray, config: LocalRefinement) -> TissueMesh:
+    """`mesh` with finer cells around all of some `faces` (t, 3) of its skin; the vertices of `mesh` come first."""
+    return _refined_around(mesh, _skin_points(mesh, faces), config)
+
+
+def _skin_points(mesh: TissueMesh, faces: IntArray) -> FloatArray:
+    """Points on faces (t, 3) of a mesh [mm], shape (p, 3)."""
+    nodes, own = np.unique(faces, return_inverse=True)
+    return surface_points(Surface("skin", mesh.points[nodes], own.reshape(-1, 3)), _SPACING)
+
+
+def _refined_around(mesh: TissueMesh, points: FloatArray, config: LocalRefinement) -> TissueMesh:
+    nearest = cKDTree(points)
+
+    def length(places: FloatArray) -> FloatArray:
+        found: FloatArray = config.edge + config.growth * nearest.query(places)[0]
         return found
 
     return refine_to(mesh.with_order(1), length).with_order(mesh.order)

@@ -35,7 +35,8 @@ class Scene:
         joints: between rigid parts; by default none, and the parts float in the tissue (`joined` sets a preset's).
         foundations: under the skin; by default none, and the mesh's fixed nodes hold the body.
         membrane: of the skin; by default none.
-        refinement: of the cells under the probe, for each pose anew; None solves every pose on the mesh as it is.
+        refinement: of the cells under the probe, for each pose anew, with the order of the tool where it gives none;
+            None solves every pose on the mesh as it is.
     """
 
     mesh: TissueMesh
@@ -63,6 +64,8 @@ class Scene:
                 "scene", expected="the mesh's own skin where cells are refined under the probe", got="another surface",
                 fix="leave the skin or the refinement out",
             )
+        if self.refinement is not None:
+            object.__setattr__(self, "refinement", self.refinement.of_tool(self.probe))
         object.__setattr__(self, "joints", tuple(self.joints))
         object.__setattr__(self, "foundations", tuple(self.foundations))
         discs = [name for name in self.mesh.tissue_names if "disc" in name.lower()]

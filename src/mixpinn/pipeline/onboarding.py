@@ -236,7 +236,9 @@ def _fit(
     prior = _taking(model.prior, scene, table)
     train, calibration = _samples_of(table, fitted), _samples_of(table, held)
     hybrid = taught_with(fit_hybrid(prior, scene.materials, train, calibration, config.hybrid), scene.refinement)
-    return hybrid, fit_pose_model(hybrid, scene.probe, scene.contact, _samples_of(table, poses))
+    return hybrid, fit_pose_model(
+        hybrid, scene.probe, scene.contact, _samples_of(table, poses), scene.materials,
+    )
 
 
 def _assess(config: OnboardingConfig, out: Path) -> None:

@@ -5,6 +5,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
+import numpy as np
 from pydantic import Field
 
 from mixpinn.base.arrays import AnyArray
@@ -14,6 +15,7 @@ from mixpinn.base.validated import ArraySpec, checked_record
 from mixpinn.press.contact import PriorContact
 from mixpinn.press.domain import PoseDomain
 from mixpinn.press.error_law import PoseErrorLaw
+from mixpinn.press.fine_skin import FineContact, FineSkin
 from mixpinn.press.force_law import TERMS, ForceLaw
 from mixpinn.press.grip import SIGNS
 from mixpinn.press.model import PoseCorrection, PoseModel
@@ -23,7 +25,9 @@ from mixpinn.records import Probe
 from mixpinn.records.answer import discretisation_of
 from mixpinn.reduced.hybrid import BUNDLE, POSE_FILE, HybridModel
 
-_FORMAT = 3
+_FORMAT = 4
+_NO_FINE_SKIN = 3
+"""The format before forces were told on finer skin: a law had one sign less, which counts nothing there."""
 _FLAT_FACES = 2
 """The format in which contact took faces of six nodes for four flat triangles: what it learned belongs to that."""
 _REMAKE = "fit the pose model again"
@@ -41,6 +45,12 @@ _LAW = {
     "along": ArraySpec("number", (SIGNS,)), "largest": ArraySpec("number", (1,)), "axes": ArraySpec("number", (2, 3)),
     "across": ArraySpec("number", (2, TERMS)),
 }
+_FINE = {
+    "places": ArraySpec("number", ("fine", 3)), "faces": ArraySpec("index", ("t", 6), low=0),
+    "stencil": ArraySpec("index", ("fine", 6), low=0), "weights": ArraySpec("number", ("fine", 6)),
+    "starts": ArraySpec("index", ("ends",), low=0), "others": ArraySpec("index", ("pairs",), low=0),
+    "more": ArraySpec("number", ("pairs",)),
+}
 _Positive = Annotated[float, Field(gt=0.0)]
 
 
@@ -57,7 +67,7 @@ class _Error:
 class _About:
     """What ``pose.safetensors`` says besides its arrays."""
 
-    format: Literal[2, 3]
+    format: Literal[2, 3, 4]
     mesh_hash: str
     steps: Annotated[int, Field(ge=0, le=1_000)]
     spacings: tuple[_Positive, ...]
@@ -67,6 +77,8 @@ class _About:
     error: _Error | None
     bend: Annotated[float, Field(ge=0.0, le=1.0)] = 1.0
     law: bool = False
+    law_moves: bool = True
+    fine: bool = False
 
 
 def save_pose_model(model: PoseModel, folder: Path | str) -> None:
@@ -83,12 +95,15 @@ def save_pose_model(model: PoseModel, folder: Path | str) -> None:
             arrays[f"correction.{name}"] = getattr(model.correction, name)
     if model.law is not None:
         arrays |= {f"law.{name}": value for name, value in model.law.arrays().items()}
+    if model.fine is not None:
+        arrays |= {f"fine.{name}": value for name, value in model.fine.skin.arrays().items()}
     write_arrays(Path(folder) / POSE_FILE, arrays, about={
         "format": _FORMAT, "mesh_hash": model.hybrid.mesh.hash(), "steps": model.steps,
         "spacings": [probe.spacing for probe in model.probes],
         "contact": asdict(model.contact.config), "corrected": model.correction is not None,
         "domain": model.domain.as_dict(), "error": None if model.error is None else model.error.as_dict(),
         "bend": model.bend, "law": model.law is not None,
+        "law_moves": model.law is None or model.law.moves, "fine": model.fine is not None,
     })
     seal = BUNDLE.seal_more if BUNDLE.is_sealed(folder) else BUNDLE.seal
     seal(folder, [POSE_FILE])
@@ -127,18 +142,37 @@ def load_pose_model(folder: Path | str, hybrid: HybridModel) -> PoseModel:
         law = None
         if values.law:
             told = {name: arrays[f"law.{name}"] for name in _LAW}
+            if values.format <= _NO_FINE_SKIN:
+                told["along"] = np.append(told["along"], 0.0)
             _check(told, _LAW, str(path), {})
-            law = ForceLaw.of_arrays(told)
+            law = ForceLaw.of_arrays(told, moves=values.law_moves)
+        fine = _fine(arrays, hybrid, values.contact, str(path)) if values.fine else None
         error = None if values.error is None else PoseErrorLaw.of_dict(asdict(values.error))
     except (KeyError, TypeError, ValueError) as wrong:
         raise InputError(str(path), expected="a complete pose model", got=repr(wrong), fix=_REMAKE) from wrong
     contact = PriorContact.of_prior(hybrid.prior, values.contact)
-    return PoseModel(hybrid, contact, probes, values.domain, correction, error, values.steps, values.bend, law)
+    return PoseModel(hybrid, contact, probes, values.domain, correction, error, values.steps, values.bend, law, fine)
 
 
 def _check(arrays: Mapping[str, AnyArray], specs: Mapping[str, ArraySpec], where: str, extents: dict[str, int]) -> None:
     for name, spec in specs.items():
         spec.check(arrays[name], f"{where}: {name}", extents=extents, remake=_REMAKE)
+
+
+def _fine(arrays: Mapping[str, AnyArray], hybrid: HybridModel, config: PoseContactConfig, where: str) -> FineContact:
+    """Contact on the finer skin, whose indices all point to something."""
+    of = {name: arrays[f"fine.{name}"] for name in _FINE}
+    _check(of, _FINE, where, {})
+    nodes, pairs = len(of["places"]), len(of["others"])
+    _check(of, {
+        "faces": ArraySpec("index", ("t", 6), low=0, high=nodes - 1),
+        "stencil": ArraySpec("index", ("fine", 6), low=0, high=len(hybrid.prior.nodes) - 1),
+        "starts": ArraySpec("index", (nodes + 1,), low=0, high=pairs),
+        "others": ArraySpec("index", ("pairs",), low=0, high=nodes - 1),
+    }, where, {})
+    if (np.diff(of["starts"].astype(np.int64)) < 0).any() or of["starts"][-1] != pairs:
+        raise InputError(where, expected="pairs of nodes that begin one after the other", got="others", fix=_REMAKE)
+    return FineContact.of_prior(FineSkin.of_arrays(of), hybrid.prior, stiffness=config.stiffness)
 
 
 def _probe(arrays: Mapping[str, AnyArray], index: int, spacing: float, gap: float, where: str) -> ProbeField:

@@ -22,7 +22,8 @@ from mixpinn.reduced.ridge import ridge
 
 _PENALTIES = (1e-4, 1e-3, 1e-2, 1e-1)
 """Relative to signs of mean square 1 and to the number of samples."""
-_ALONG = ((0,), (0, 1, 2, 8), (0, 1, 2, 5, 7, 8, 9), tuple(range(SIGNS)))
+_BASIC = ((0,), (0, 1, 2, 8), (0, 1, 2, 5, 7, 8, 9), tuple(range(SIGNS - 1)))
+_ALONG = (*_BASIC, *((*signs, SIGNS - 1) for signs in _BASIC))
 """Signs of the force along that are tried; which to try was found on simulations of two patients."""
 _SMALL = 1.0
 """Forces count by their relative error, where they are larger than this, and less where they are smaller [N]."""
@@ -41,8 +42,8 @@ class _Rows:
     Attributes:
         signs: of the force along, shape (N, SIGNS).
         weight: of each sample, shape (N,).
-        asked: logarithm of the factor of the force along, shape (N,).
-        terms: of the force across, with the factor asked for, shape (N, 2, TERMS).
+        asked: logarithm of the factor of the force on finer skin, shape (N,).
+        terms: of the force across, with the factor asked for of that of the contact, shape (N, 2, TERMS).
         sideways: true force across along both axes [N], shape (N, 2).
         axes: of the body, shape (2, 3).
     """
@@ -60,8 +61,8 @@ class _Rows:
         along = np.concatenate([grip.along for grip in grips])
         push = np.concatenate([grip.push for grip in grips])
         wanted = np.maximum(np.einsum("ni,ni->n", true, along), 1e-3)
-        asked = np.log(wanted / push)
-        terms = np.concatenate([across_terms(grip, axes) for grip in grips]) * np.exp(asked)[:, None, None]
+        asked = np.log(wanted / np.concatenate([grip.firm for grip in grips]))
+        terms = np.concatenate([across_terms(grip, axes) for grip in grips]) * (wanted / push)[:, None, None]
         sideways = (true - wanted[:, None] * along) @ axes.T
         signs = np.concatenate([grip.signs for grip in grips])
         return _Rows(signs, push / (push + _SMALL), asked, terms, sideways, axes)
@@ -87,7 +88,8 @@ class _Rows:
 def with_force_law(model: PoseModel, samples: PoseSamples, *, folds: int = FOLDS) -> tuple[PoseModel, PoseSamples]:
     """`model` with a law of forces and its samples, predicted by laws that were not fitted at their positions.
 
-    Both as they are where positions are fewer than four, or where no law helps for sure.
+    The body follows the law where that helps fields or forces for sure and fields are not farther off; where they are,
+    the law may still tell the force alone. Both as they are where positions are fewer than four, or no law helps.
 
     Args:
         model: without a law.
@@ -98,8 +100,8 @@ def with_force_law(model: PoseModel, samples: PoseSamples, *, folds: int = FOLDS
     if len(positions) < 4:
         return model, samples
     found = [
-        Grip.of_contact(model.hybrid, base.contact, turn[None])
-        for base, turn in zip(samples.base, samples.rotations, strict=True)
+        model.grip(base.contact, turn[None], place[None])
+        for base, turn, place in zip(samples.base, samples.rotations, samples.translations, strict=True)
     ]
     kept = np.array([i for i, grip in enumerate(found) if grip is not None], dtype=np.int64)
     grips = [grip for grip in found if grip is not None]
@@ -110,15 +112,17 @@ def with_force_law(model: PoseModel, samples: PoseSamples, *, folds: int = FOLDS
     part = np.searchsorted(np.unique(samples.group), samples.group)
     fold = part % min(folds, len(positions))
     chosen = _chosen(rows, fold)
+    whole = _law(rows, np.ones(len(fold), dtype=bool), *chosen)
     laws = {int(one): _law(rows, fold != one, *chosen) for one in np.unique(fold)}
-    base = [
-        model.with_law(before, laws[int(one)], grip, tip[None])
-        for before, one, grip, tip in zip(samples.base, fold, grips, samples.translations, strict=True)
-    ]
-    learned = replace(samples, base=base)
-    if not _helps(model, learned, samples, part):
-        return model, samples
-    return replace(model, law=_law(rows, np.ones(len(fold), dtype=bool), *chosen)), learned
+    for moves in (True, False):
+        base = [
+            model.with_law(before, replace(laws[int(one)], moves=moves), grip, tip[None])
+            for before, one, grip, tip in zip(samples.base, fold, grips, samples.translations, strict=True)
+        ]
+        learned = replace(samples, base=base)
+        if _helps(model, learned, samples, part):
+            return replace(model, law=replace(whole, moves=moves)), learned
+    return model, samples
 
 
 def _helps(model: PoseModel, learned: PoseSamples, plain: PoseSamples, part: IntArray) -> bool:
@@ -130,7 +134,7 @@ def _helps(model: PoseModel, learned: PoseSamples, plain: PoseSamples, part: Int
     fields = [np.linalg.norm(weights * each.missed, axis=1) for each in (learned, plain)]
     forces = [np.linalg.norm(each.missed_wrench[:, :3], axis=1) for each in (learned, plain)]
     surely = any(smaller(after, before, part, margin=True) for after, before in (fields, forces))
-    return surely and smaller(fields[0], fields[1], part, margin=False)
+    return surely and not smaller(fields[1], fields[0], part, margin=False)
 
 
 _Choice = tuple[tuple[int, ...], float]

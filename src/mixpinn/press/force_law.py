@@ -1,14 +1,15 @@
 """ForceLaw: the force of a probe on the skin, learned from simulations, and the contact that goes with it.
 
-From a grip (`mixpinn.press.grip`) with force n along the probe, and t and δt across it,
+From a grip (`mixpinn.press.grip`) with force n along the probe, n₀ that on finer skin, and t and δt across it,
 
-    n' = n exp(c · φ),    t'_j = (n'/n) (a_j t_j + b_j δt_j + …),
+    n' = n₀ exp(c · φ),    t'_j = (n'/n) (a_j t_j + b_j δt_j + …),
 
 φ the signs of the grip and j two axes of the body across the pressing direction: along and across the spine a body
 yields differently, so that each axis has its own coefficients, which change with depth. The difference to the force of
 the contact is shared out among the nodes as the normal force is; they move as the linear body does. The deformation is
 then the linear answer to these forces: where forces are known, it needs no contact nodes, which cells under a probe do
-not place well.
+not place well. Where that is nevertheless farther off, as with strains that are large, the law tells the force alone,
+and the body follows the contact nodes.
 
 Friction remembers a drag: a patch that was moved across by w, and grips, pulls with C_tt⁻¹ w more. Where that leans
 farther than friction holds, t' is cut back, and w with it: the probe has slid.
@@ -33,15 +34,17 @@ class ForceLaw:
 
     Attributes:
         along: c, shape (`mixpinn.press.grip.SIGNS`,).
-        largest: no force is changed by more than the factor exp(`largest`), shape (1,).
+        largest: no force n₀ is changed by more than the factor exp(`largest`), shape (1,).
         axes: of the body, shape (2, 3).
         across: coefficients of the terms of the force along each, shape (2, `TERMS`).
+        moves: whether the body follows these forces; if not, it follows the contact nodes.
     """
 
     along: FloatArray
     largest: FloatArray
     axes: FloatArray
     across: FloatArray
+    moves: bool = True
 
     def forces(
         self, grip: Grip, dragged: FloatArray | None = None, *, friction: float = 1.0,
@@ -53,8 +56,8 @@ class ForceLaw:
             dragged: how far each probe was moved across since it gripped [mm], shape (k, 3); None: straight down.
             friction: Coulomb's coefficient.
         """
-        ratio = np.exp(np.clip(grip.signs @ self.along, -self.largest[0], self.largest[0]))
-        push = grip.push * ratio
+        push = grip.firm * np.exp(np.clip(grip.signs @ self.along, -self.largest[0], self.largest[0]))
+        ratio = push / grip.push
         still = np.zeros_like(grip.along) if dragged is None else _across(dragged, grip.along)
         pull = grip.force_of(still)
         terms = across_terms(replace(grip, across=grip.across - pull), self.axes)
@@ -74,7 +77,7 @@ class ForceLaw:
         self, contact: ContactPrediction, grip: Grip, places: FloatArray, tips: FloatArray,
         dragged: FloatArray | None = None, *, friction: float = 1.0,
     ) -> ContactPrediction:
-        """`contact` with these forces; a history of it tells how far the skin is held from where it was.
+        """`contact` with these forces, or with their wrench alone; a history of it tells how far the skin is held.
 
         Args:
             contact: of p probes.
@@ -88,19 +91,21 @@ class ForceLaw:
         everywhere = np.zeros((len(tips), 3))
         everywhere[grip.probes] = held
         changed = with_forces(contact, grip, forces, places, tips)
+        if not self.moves:
+            changed = replace(contact, wrench=changed.wrench)
         return replace(changed, history=replace(contact.history, dragged=everywhere))
 
     def arrays(self) -> dict[str, FloatArray]:
-        """All of it by name."""
+        """Its coefficients by name."""
         return {"along": self.along, "largest": self.largest, "axes": self.axes, "across": self.across}
 
     @staticmethod
-    def of_arrays(arrays: Mapping[str, AnyArray]) -> "ForceLaw":
+    def of_arrays(arrays: Mapping[str, AnyArray], *, moves: bool) -> "ForceLaw":
         """From what `arrays` gave."""
         along, largest, axes, across = (
             np.asarray(arrays[name], dtype=np.float64) for name in ("along", "largest", "axes", "across")
         )
-        return ForceLaw(along, largest, axes, across)
+        return ForceLaw(along, largest, axes, across, moves)
 
 
 def _across(vectors: FloatArray, along: FloatArray) -> FloatArray:

@@ -1,7 +1,8 @@
 """Grip: what the forces of probes on the skin are judged by, before they are corrected.
 
 Contact from the pose is solved on the faces of the model's own mesh, which are large beside a probe's edge: it misses a
-part of the force along the probe, and most of the force across it. The latter hardly shows in the former, but a body
+part of the force along the probe, which finer skin tells better (`mixpinn.press.fine_skin`), and most of the force
+across it. The latter hardly shows in the former, but a body
 that is held far away sways by it. What it must be is known better than from the contact of single points: the probe
 grips the skin, so that what presses against it does not move across it. With the normal forces n of contact shared out
 among the nodes as w, the patch moves by C f under a force f, C = Bᵀ W B with B = w ⊗ 1, and the force across that holds
@@ -27,9 +28,12 @@ _DEPTH = 20.0
 """Depths are told as parts of this [mm]."""
 _LEAST = 1e-3
 """Of a force whose logarithm is taken [N]."""
-SIGNS = 10
-"""Signs of the force along a probe: 1, d, d², log n, d log n, log c, d log c, log |C_tt|, r and r²; d the depth, c the
-compliance along the probe, r the share of the way along that the Newton step takes back."""
+_SHARE = 0.05
+"""The force on finer skin counts as at least this part of that of the contact, which may reach skin that it misses."""
+SIGNS = 11
+"""Signs of the force along a probe: 1, d, d², log n, d log n, log c, d log c, log |C_tt|, r, r² and log n/n₀; d the
+depth, n the force of the contact, n₀ that on finer skin, c the compliance along the probe, r the share of the way along
+that the Newton step takes back."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +48,7 @@ class Grip:
         yielding: C_tt, displacement of the patches along them under forces along them [mm/N], shape (2 k, 2 k).
         along: pressing directions, shape (k, 3).
         push: force along them [N], shape (k,).
+        firm: n₀, force along them on finer skin, or `push` again where there is none [N], shape (k,).
         across: rest of the force in the contact [N], shape (k, 3).
         held: t, what holds the skin where it is [N], shape (k, 3).
         eased: δt [N], shape (k, 3).
@@ -59,6 +64,7 @@ class Grip:
     yielding: FloatArray
     along: FloatArray
     push: FloatArray
+    firm: FloatArray
     across: FloatArray
     held: FloatArray
     eased: FloatArray
@@ -82,8 +88,17 @@ class Grip:
         return float(np.abs(self.signs[:, 8]).max())
 
     @staticmethod
-    def of_contact(hybrid: HybridModel, contact: ContactPrediction, rotations: FloatArray) -> "Grip | None":
-        """The grip of a contact of probes with rotations (p, 3, 3); None where nothing is pushed."""
+    def of_contact(
+        hybrid: HybridModel, contact: ContactPrediction, rotations: FloatArray, fine: FloatArray | None = None,
+    ) -> "Grip | None":
+        """The grip of a contact of probes; None where nothing is pushed.
+
+        Args:
+            hybrid: the body.
+            contact: of p probes.
+            rotations: of these, shape (p, 3, 3).
+            fine: their force on finer skin (`mixpinn.press.fine_skin`), if that is known [N], shape (p,).
+        """
         axes = rotations @ PROBE_AXIS
         normal = np.maximum(np.einsum("kli,ki->kl", contact.shares, axes), 0.0)
         total = contact.shares.sum(axis=1)
@@ -92,6 +107,7 @@ class Grip:
         if not len(probes):
             return None
         k, along, push = len(probes), axes[probes], push[probes]
+        firm = push if fine is None else np.maximum(fine[probes], _SHARE * push)
         weights = normal[probes] / normal[probes].sum(axis=1, keepdims=True)
         across = total[probes] - push[:, None] * along
         system = hybrid.prior.hold(contact.nodes)
@@ -119,9 +135,9 @@ class Grip:
         force, one = np.log(np.maximum(push, _LEAST)), np.ones(k)
         signs = np.stack([
             one, depth, depth**2, force, depth * force, compliance, depth * compliance,
-            np.log(np.linalg.det(sideways)), back, back**2,
+            np.log(np.linalg.det(sideways)), back, back**2, np.log(push / firm),
         ], axis=1)
         return Grip(
-            probes, weights, response, sides, yielding, along, push, across, held.reshape(k, 3), eased.reshape(k, 3),
-            depth, signs, float(np.sqrt((shift**2).sum(axis=1).mean())),
+            probes, weights, response, sides, yielding, along, push, firm, across, held.reshape(k, 3),
+            eased.reshape(k, 3), depth, signs, float(np.sqrt((shift**2).sum(axis=1).mean())),
         )

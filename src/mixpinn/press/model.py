@@ -8,7 +8,8 @@ Newton step of the true equilibrium from there, restricted to the patch of skin,
 and contact goes on from where it is to equilibrium with y = β s − W λ. Tissue that stiffens as it is pressed makes the
 step too long: β ≤ 1 is the part of it with which forces fit simulations best. The displacement of the loaded nodes
 then goes to the hybrid model, as one that was given would. Where a law of the forces was learned
-(`mixpinn.press.force_law`), the body follows these instead, linearly. What is left is learned from simulations as
+(`mixpinn.press.force_law`), from those on finer skin (`mixpinn.press.fine_skin`), the body follows these instead,
+linearly. What is left is learned from simulations as
 
     q = q_hybrid + Ωᵀ H φ,    w = w¹ + K φ_p,    φ = [a, a ⊗ a],
 
@@ -28,6 +29,7 @@ from mixpinn.geometry.probe_pose import PATH_STEP
 from mixpinn.press.contact import PriorContact
 from mixpinn.press.domain import PoseDomain
 from mixpinn.press.error_law import PoseErrorLaw
+from mixpinn.press.fine_skin import FineContact
 from mixpinn.press.force_law import ForceLaw
 from mixpinn.press.grip import Grip
 from mixpinn.press.newton_shift import newton_shift
@@ -97,7 +99,7 @@ class Touch:
         rotations, translations: of the probes, shapes (p, 3, 3) and (p, 3) [mm].
         contact: nodes, displacement, forces; its history may be handed to the next call.
         bent: root mean square of the shift by the Newton step [mm].
-        learned: whether its forces were corrected: the body then follows these, not the nodes.
+        learned: whether its forces were corrected and the body follows these, not the nodes.
         taken_back: share of the way that a Newton step takes back then, see `Grip.taken_back`.
     """
 
@@ -145,6 +147,7 @@ class PoseModel:
         steps: Newton steps of contact; 0 leaves it on the linear body.
         bend: β, the part of a Newton step that contact takes; where it takes none, none is computed.
         law: the force of the first of the probes, if that was learned.
+        fine: contact on finer skin, which the law begins with, if there is one.
     """
 
     hybrid: HybridModel
@@ -156,6 +159,7 @@ class PoseModel:
     steps: int = 1
     bend: float = 1.0
     law: ForceLaw | None = None
+    fine: FineContact | None = None
 
     def predict(
         self, rotations: AnyArray, translations: AnyArray, *, probes: Sequence[int] | None = None,
@@ -286,15 +290,27 @@ class PoseModel:
             session = session.shifted(shift)
         contact = session.outcome()
         if self.law is not None and all(field is self.probes[0] for field in fields):
-            grip = Grip.of_contact(self.hybrid, contact, rotations)
+            grip = self.grip(contact, rotations, translations)
             if grip is not None:
                 places, dragged = self.hybrid.mesh.node_points[contact.nodes], None
                 if history is not None and history.dragged is not None and history.force.any():
                     dragged = history.dragged + translations - history.translations
                 friction = self.contact.config.friction
                 contact = self.law.corrected(contact, grip, places, translations, dragged, friction=friction)
-                return Touch(rotations, translations, contact, grip.bent, True, grip.taken_back)
+                return Touch(rotations, translations, contact, grip.bent, self.law.moves, grip.taken_back)
         return Touch(rotations, translations, contact, bent)
+
+    def grip(self, contact: ContactPrediction, rotations: FloatArray, translations: FloatArray) -> Grip | None:
+        """What the forces of p probes like the first are judged by; None where none pushes.
+
+        Args:
+            contact: of theirs.
+            rotations, translations: of the probes, shapes (p, 3, 3) and (p, 3) [mm].
+        """
+        fine = None
+        if self.fine is not None and len(contact.nodes):
+            fine = self.fine.push((self.probes[0],) * len(translations), rotations, translations)
+        return Grip.of_contact(self.hybrid, contact, rotations, fine)
 
     def _deformed(self, touch: Touch) -> Uncorrected:
         """The body under a contact: as the hybrid model has it, or, where forces were learned, as these move it."""
@@ -317,4 +333,4 @@ class PoseModel:
         """A prediction without a law of forces as one with `law`; `grip` is that of its contact, `tips` (p, 3) [mm]."""
         places = self.hybrid.mesh.node_points[base.contact.nodes]
         contact = law.corrected(base.contact, grip, places, tips)
-        return self._deformed(Touch(np.empty((0, 3, 3)), tips, contact, grip.bent, True, grip.taken_back))
+        return self._deformed(Touch(np.empty((0, 3, 3)), tips, contact, grip.bent, law.moves, grip.taken_back))

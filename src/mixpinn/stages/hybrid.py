@@ -12,9 +12,11 @@ from mixpinn.base.files import hash_arrays
 from mixpinn.base.rundir import finish_run, is_finished, run_scope, start_run
 from mixpinn.dataset import SimulationStore, Split
 from mixpinn.fem import ContactConfig, LocalRefinement, Material
+from mixpinn.fem.scene_record import refinement_of
 from mixpinn.press.contact import PriorContact
 from mixpinn.press.domain import PoseDomain
 from mixpinn.press.files import save_pose_model
+from mixpinn.press.fine_skin import FineContact
 from mixpinn.press.fit import collect, fit_pose, fitted_bend
 from mixpinn.press.fit_forces import with_force_law
 from mixpinn.press.model import PoseModel
@@ -23,6 +25,7 @@ from mixpinn.records import MESH_FILE, Probe, SampleTable
 from mixpinn.records.error_budget import BUDGET_FILE
 from mixpinn.reduced.fit import HybridConfig, fit_hybrid
 from mixpinn.reduced.hybrid import BUNDLE, HYBRID_FILE, POSE_FILE, HybridModel
+from mixpinn.stages.fine_skin import cached_fine_skin
 from mixpinn.stages.prior import cached_prior
 from mixpinn.stages.samples import choose_samples
 
@@ -85,7 +88,7 @@ def make_hybrid(
         some = samples.train[:: max(1, len(samples.train) // config.pose_samples)]
         few = samples.validation[:: max(1, 3 * len(samples.validation) // config.pose_samples)]
         save_pose_model(
-            fit_pose_model(model, probe, contact, table.select(np.union1d(some, few))), out,
+            fit_pose_model(model, probe, contact, table.select(np.union1d(some, few)), materials), out,
         )
     finish_run(out, {"model": model.about})
     return model
@@ -107,10 +110,18 @@ def plain_pose_model(model: HybridModel, probe: Probe, contact: ContactConfig) -
 
 
 def fit_pose_model(
-    model: HybridModel, probe: Probe, contact: ContactConfig, table: SampleTable,
+    model: HybridModel, probe: Probe, contact: ContactConfig, table: SampleTable, materials: Sequence[Material],
 ) -> PoseModel:
-    """Contact from the pose with what the samples of `table` teach about it, and the errors to expect."""
-    plain = fitted_bend(plain_pose_model(model, probe, contact), table)
+    """Contact from the pose with what the samples of `table` teach about it, and the errors to expect.
+
+    Where they were solved on cells that are finer under the probe, forces are told on finer skin.
+    """
+    plain = plain_pose_model(model, probe, contact)
+    if model.refinement is not None and model.mesh.order == 2:
+        skin = cached_fine_skin(model.prior, materials, refinement_of(model.refinement))
+        fine = FineContact.of_prior(skin, model.prior, stiffness=plain.contact.config.stiffness)
+        plain = replace(plain, fine=fine)
+    plain = fitted_bend(plain, table)
     return fit_pose(*with_force_law(plain, collect(plain, table)))
 
 

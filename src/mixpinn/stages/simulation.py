@@ -332,6 +332,11 @@ def begin_simulations(
     if (out / STORE / "store.json").exists():
         start()
         store = SimulationStore.open(out / STORE, mesh=mesh)
+        if store.scene_hash != scene.hash() and not store.is_complete:
+            raise InputError(
+                str(out), expected="a run of the same physics", fix="choose another folder, or delete this one",
+                got="one that was begun otherwise, perhaps by an earlier version, and is not complete",
+            )
     else:
         # Planned first, so that bad positions leave nothing behind.
         positions, poses = plan(mesh, config, scene.probe)

@@ -38,7 +38,7 @@ def test_cells_are_held_against_quadratic_ones_refined_under_the_probe() -> None
     base = Scene(two_bones())
     found = cells_of(base)
     assert found.mesh.order == 2
-    assert found.refinement == LocalRefinement()
+    assert found.refinement == LocalRefinement().of_tool(base.probe)
     assert cells_of(base, Finer.QUADRATIC).refinement is None
     # What was simulated on refined cells is held against finer ones.
     own = replace(base, mesh=base.mesh.with_order(2), refinement=LocalRefinement(8.0))

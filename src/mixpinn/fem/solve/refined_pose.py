@@ -16,16 +16,15 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from mixpinn.base.arrays import FloatArray, IntArray
-from mixpinn.fem.local_refinement import LocalRefinement, refine_under, rim_order
+from mixpinn.fem.local_refinement import LocalRefinement, refine_under
+from mixpinn.fem.nested_faces import face_functions, owning_faces
 from mixpinn.fem.scene import Scene
 from mixpinn.fem.solve.held_border import held_border_of, place_parts
 from mixpinn.fem.solve.pose_simulator import PoseSimulator, simulator_of
-from mixpinn.geometry.triangle_search import close_pairs
 from mixpinn.records import ProbePath, Simulation, TissueMesh
-from mixpinn.records.tissue_mesh import FACE_EDGES
 
-_ON = 1e-6
-"""A node within this distance of a face lies on it [mm]; the finer nodes are middles of edges of it."""
+_SAME = 1e-6
+"""A node of the scene's mesh and one of the finer mesh that are closer than this are one [mm]."""
 
 
 class RefinedSimulator:
@@ -53,8 +52,8 @@ class RefinedSimulator:
         if not config.extrapolated:
             return solve(config)
         coarser = solve(config.scaled(config.ratio))
-        order = rim_order(self.scene.probe) if config.order is None else config.order
-        found = extrapolate(self.scene.mesh, coarser, solve(config), ratio=config.ratio, order=order)
+        assert config.order is not None  # a scene's refinement has the order of its tool
+        found = extrapolate(self.scene.mesh, coarser, solve(config), ratio=config.ratio, order=config.order)
         return found if config.held is None else held_border_of(self.scene, config.held).corrected(found)
 
     def _solve(
@@ -84,12 +83,12 @@ class Injection:
         """Find the nodes of `base` among those of `fine`, and the faces of the one that those of the other are of."""
         self.base, self.fine = base, fine
         distance, self.node = cKDTree(fine.node_points).query(base.node_points)
-        assert distance.max(initial=0.0) < _ON
+        assert distance.max(initial=0.0) < _SAME
         self._skin = np.unique(fine.skin_node_faces)
         corners, faces = np.ascontiguousarray(base.points), np.ascontiguousarray(base.skin_faces)
-        self._face_of_node = _owners(fine.node_points[self._skin], corners, faces)
-        self._face_of_face = _owners(fine.points[fine.skin_faces].mean(axis=1), corners, faces)
-        weights = _shape_functions(fine.node_points[self._skin], corners[faces[self._face_of_node]], base.order)
+        self._face_of_node = owning_faces(fine.node_points[self._skin], corners, faces)
+        self._face_of_face = owning_faces(fine.points[fine.skin_faces].mean(axis=1), corners, faces)
+        weights = face_functions(fine.node_points[self._skin], corners[faces[self._face_of_node]], base.order)
         nodes = base.skin_node_faces[self._face_of_node]
         rows = np.repeat(self._skin, nodes.shape[1])
         self._interpolation = sp.csr_matrix(
@@ -187,25 +186,3 @@ def extrapolate(mesh: TissueMesh, coarse: Simulation, fine: Simulation, *, ratio
         min_jacobian=np.fmin(fine.min_jacobian, coarse.min_jacobian),
         penetration=np.fmax(fine.penetration, coarse.penetration), seconds=fine.seconds + coarse.seconds,
     )
-
-
-def _owners(points: FloatArray, corners: FloatArray, faces: IntArray) -> IntArray:
-    """A face on which each of some points lies, shape (p,)."""
-    point, face = close_pairs(np.ascontiguousarray(points), corners, faces, _ON)
-    found = np.full(len(points), -1, dtype=np.int64)
-    found[point[::-1]] = face[::-1]
-    assert (found >= 0).all()
-    return found
-
-
-def _shape_functions(points: FloatArray, corners: FloatArray, order: int) -> FloatArray:
-    """Shape functions of faces with `corners` (p, 3, 3) at a point of each (p, 3), shape (p, 3) or (p, 6)."""
-    first, second, to = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], points - corners[:, 0]
-    normal = np.cross(first, second)
-    whole = (normal**2).sum(axis=1)
-    b = (np.cross(to, second) * normal).sum(axis=1) / whole
-    c = (np.cross(first, to) * normal).sum(axis=1) / whole
-    at = np.stack([1.0 - b - c, b, c], axis=1)
-    if order == 1:
-        return at
-    return np.concatenate([at * (2.0 * at - 1.0), 4.0 * at[:, FACE_EDGES[:, 0]] * at[:, FACE_EDGES[:, 1]]], axis=1)
