@@ -6,10 +6,10 @@ cells as it is, with linear ones of which every edge is halved, and with quadrat
 several edge lengths, always on the same facets. The error that the size of cells under the probe leaves falls with
 a power of their edge length (`mixpinn.fem.local_refinement`); two lengths, one twice the other, are extrapolated to
 none. The reference is the extrapolation from the two finest; its uncertainty is how far it is from that of the next
-pair. What cells along the border of the held skin leave falls with their edge length: beside edges of ``--rest`` mm
-under the probe, cells along the border are halved to 12 and 6 mm, and what both tend to beyond the mesh as it is
-belongs to the reference; poses without are left out. For the poses ``--halved`` every edge is halved besides; the
-change tells what all other cells leave, and is printed.
+pair, told for other orders too. What cells along the border of the held skin leave falls with their edge length:
+beside edges of ``--rest`` mm under the probe, cells along the border are halved to 12 and 6 mm, and what both tend to
+beyond the mesh as it is belongs to the reference; poses without are left out. For the poses ``--halved`` every edge
+is halved besides; the change tells what all other cells leave, and is printed.
 
 Every solve is kept in the cache (``MIXPINN_CACHE``), so that a run goes on where an earlier one ended; a pose that was
 interrupted is pressed again, and the depths that it had reached count until then. ``--minutes`` ends a run after that
@@ -78,6 +78,8 @@ POSITIONS = np.array([[30.0, 133.0, -55.0], [50.0, 133.0, -15.0], [50.0, 133.0, 
 ROTATIONS = (0.0, 90.0)
 DEPTHS = np.array([5.0, 10.0, 15.0, 20.0])
 POSES = list(product(range(len(POSITIONS)), ROTATIONS))
+ORDERS = (1.5, 2.0, 2.25, 2.5, 3.0)
+"""Orders in the edge length that are compared."""
 BORDER = (12.0, 6.0)
 """Edges along the border of the held skin, one twice the other [mm]."""
 
@@ -286,6 +288,24 @@ def extrapolate(found: dict[tuple[str, int], Press], edges: list[float], *, orde
     return pairs
 
 
+def by_order(found: dict[tuple[str, int], Press], edges: list[float]) -> dict[str, dict[str, float]]:
+    """By order of extrapolation: how far what the next pair of lengths tends to is from the finest's, at most."""
+    pairs = sorted(edge for edge in edges if 2.0 * edge in edges)[:2]
+    study: dict[str, dict[str, float]] = {}
+    for order in ORDERS if len(pairs) == 2 else ():
+        more, row = 1.0 / (2.0**order - 1.0), {"poses": 0.0}
+        for number in range(len(POSES)):
+            levels = [[found.get((level_of(length), number)) for length in (2.0 * edge, edge)] for edge in pairs]
+            told = [
+                combination([(1.0 + more, fine), (-more, coarse)])
+                for coarse, fine in levels if coarse is not None and fine is not None
+            ]
+            if len(told) == 2:
+                worst(row, errors(told[1], told[0]))
+        study[f"{order:g}"] = row
+    return study
+
+
 def change(found: dict[tuple[str, int], Press], edge: float, number: int) -> list[tuple[float, Press]]:
     """What cells along the border of the held skin tend to beyond the mesh as it is, in a pose, as terms of a sum."""
     levels = (border_of(edge, BORDER[1]), border_of(edge, BORDER[0]), level_of(edge))
@@ -351,7 +371,7 @@ def report(
         forces.setdefault(level, {})[number] = one.force.tolist()
     return {
         "poses": len(poses), "reference": reference, "rows": rows, "forces": forces,
-        "border": border, "border_uncertainty": unsure, "halved": halved,
+        "border": border, "border_uncertainty": unsure, "halved": halved, "orders": by_order(found, edges),
         "uncertainty": {key: uncertain.get(key) for key in ("force", "vertebra_mm", "field_mm")},
     }
 
