@@ -85,9 +85,9 @@ def _compliance(
     )
     unknowns = system.node_dofs(nodes)[:, ALONG]
     order = np.argsort(unknowns)
-    found = default_solver().factorize_with_compliance(
+    order = order[unknowns[order] >= 0]  # others are held, and do not yield
+    found = np.zeros((len(nodes), len(nodes)))
+    found[np.ix_(order, order)] = default_solver().factorize_with_compliance(
         system.tangent(system.rest_state(), project=True), unknowns[order],
     )
-    placed = np.empty_like(found)
-    placed[np.ix_(order, order)] = found
-    return placed
+    return found
