@@ -202,6 +202,6 @@ def test_a_law_from_before_there_was_finer_skin_is_read_as_it_was(model, tmp_pat
 
 
 def test_skin_is_kept_as_it_is(skin) -> None:
-    again = FineSkin.of_arrays(skin.arrays())
+    again = FineSkin.of_arrays(skin.arrays(), candidates=10_000, where="skin", remake="")
     for name, value in vars(skin).items():
         assert_array_equal(getattr(again, name), value, err_msg=name)

@@ -45,12 +45,6 @@ _LAW = {
     "along": ArraySpec("number", (SIGNS,)), "largest": ArraySpec("number", (1,)), "axes": ArraySpec("number", (2, 3)),
     "across": ArraySpec("number", (2, TERMS)),
 }
-_FINE = {
-    "places": ArraySpec("number", ("fine", 3)), "faces": ArraySpec("index", ("t", 6), low=0),
-    "stencil": ArraySpec("index", ("fine", 6), low=0), "weights": ArraySpec("number", ("fine", 6)),
-    "starts": ArraySpec("index", ("ends",), low=0), "others": ArraySpec("index", ("pairs",), low=0),
-    "more": ArraySpec("number", ("pairs",)),
-}
 _Positive = Annotated[float, Field(gt=0.0)]
 
 
@@ -160,19 +154,10 @@ def _check(arrays: Mapping[str, AnyArray], specs: Mapping[str, ArraySpec], where
 
 
 def _fine(arrays: Mapping[str, AnyArray], hybrid: HybridModel, config: PoseContactConfig, where: str) -> FineContact:
-    """Contact on the finer skin, whose indices all point to something."""
-    of = {name: arrays[f"fine.{name}"] for name in _FINE}
-    _check(of, _FINE, where, {})
-    nodes, pairs = len(of["places"]), len(of["others"])
-    _check(of, {
-        "faces": ArraySpec("index", ("t", 6), low=0, high=nodes - 1),
-        "stencil": ArraySpec("index", ("fine", 6), low=0, high=len(hybrid.prior.nodes) - 1),
-        "starts": ArraySpec("index", (nodes + 1,), low=0, high=pairs),
-        "others": ArraySpec("index", ("pairs",), low=0, high=nodes - 1),
-    }, where, {})
-    if (np.diff(of["starts"].astype(np.int64)) < 0).any() or of["starts"][-1] != pairs:
-        raise InputError(where, expected="pairs of nodes that begin one after the other", got="others", fix=_REMAKE)
-    return FineContact.of_prior(FineSkin.of_arrays(of), hybrid.prior, stiffness=config.stiffness)
+    """Contact on the finer skin."""
+    of = {name.removeprefix("fine."): array for name, array in arrays.items() if name.startswith("fine.")}
+    skin = FineSkin.of_arrays(of, candidates=len(hybrid.prior.nodes), where=where, remake=_REMAKE)
+    return FineContact.of_prior(skin, hybrid.prior, stiffness=config.stiffness)
 
 
 def _probe(arrays: Mapping[str, AnyArray], index: int, spacing: float, gap: float, where: str) -> ProbeField:

@@ -17,13 +17,15 @@ What friction, slopes and large strains add is learned (`mixpinn.press.force_law
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numba
 import numpy as np
 import scipy.sparse as sp
 
 from mixpinn.base.arrays import AnyArray, Float32Array, FloatArray, IntArray
+from mixpinn.base.errors import InputError
+from mixpinn.base.validated import ArraySpec
 from mixpinn.physics.face_points import FacePoints
 from mixpinn.press.first_touch import mark_shadow, touch_depths
 from mixpinn.press.probe_field import ProbeField
@@ -39,6 +41,13 @@ _TOLERANCE = 1e-3
 """Of the violations of the gap, relative to δ; forces are then known to about a thousandth."""
 _MOST = 200
 """Iterations; 20 to 50 are usual."""
+
+_FORM = {
+    "places": ArraySpec("number", ("nodes", 3)), "faces": ArraySpec("index", ("t", 6), low=0),
+    "stencil": ArraySpec("index", ("nodes", 6), low=0), "weights": ArraySpec("number", ("nodes", 6)),
+    "starts": ArraySpec("index", ("ends",), low=0), "others": ArraySpec("index", ("pairs",), low=0),
+    "more": ArraySpec("number", ("pairs",)),
+}
 
 # mypy cannot see through numba's decorators: the kernels are untyped, their callers are not.
 
@@ -98,8 +107,32 @@ class FineSkin:
         }
 
     @staticmethod
-    def of_arrays(arrays: Mapping[str, AnyArray]) -> "FineSkin":
-        """From what `arrays` gave."""
+    def of_arrays(arrays: Mapping[str, AnyArray], *, candidates: int, where: str, remake: str) -> "FineSkin":
+        """From what `arrays` gave.
+
+        Args:
+            arrays: by name.
+            candidates: their number c.
+            where: for the message.
+            remake: what a user does where they are damaged.
+
+        Raises:
+            InputError: one is absent, or an index points to nothing.
+        """
+        for name in _FORM:
+            if name not in arrays:
+                raise InputError(where, expected=f"the array '{name}' of the finer skin", got="none", fix=remake)
+        nodes, pairs = len(arrays["places"]), len(arrays["others"])
+        most = {"faces": nodes - 1, "stencil": candidates - 1, "starts": pairs, "others": nodes - 1}
+        extents = {"nodes": nodes, "ends": nodes + 1, "pairs": pairs}
+        for name, spec in _FORM.items():
+            spec = replace(spec, high=most.get(name))
+            spec.check(arrays[name], f"{where}: {name}", extents=extents, remake=remake)
+        ends = arrays["starts"].astype(np.int64)
+        if ends[0] != 0 or ends[-1] != pairs or (np.diff(ends) < 0).any():
+            raise InputError(
+                f"{where}: starts", expected="pairs of nodes that begin one after the other", got="others", fix=remake,
+            )
         whole = {name: arrays[name].astype(np.int64) for name in ("faces", "stencil", "starts", "others")}
         return FineSkin(
             arrays["places"].astype(np.float64), whole["faces"], whole["stencil"],

@@ -46,8 +46,9 @@ def cached_fine_skin(prior: ElasticPrior, materials: Sequence[Material], refinem
     if folder is None:
         return build_fine_skin(prior, materials, edges)
     with locked(folder, wait=True):
-        with contextlib.suppress(InputError, OSError, KeyError):  # what is absent or damaged is made anew
-            return FineSkin.of_arrays(read_arrays(folder / _FILE)[0])
+        with contextlib.suppress(InputError):  # what is absent or damaged in the cache is made anew
+            arrays = read_arrays(folder / _FILE)[0]
+            return FineSkin.of_arrays(arrays, candidates=len(prior.nodes), where=str(folder), remake="")
         found = build_fine_skin(prior, materials, edges)
         folder.mkdir(parents=True, exist_ok=True)
         write_arrays(folder / _FILE, found.arrays())
