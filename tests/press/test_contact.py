@@ -256,3 +256,21 @@ def test_a_contact_of_curved_faces_gives_way_and_one_of_flat_faces_keeps_its_set
     config = PoseContactConfig.of_order(order, gap=1.5, friction=0.4)
     assert (config.gap, config.friction) == (1.5, 0.4)
     assert (replace(config, gap=2.0, friction=1.0) == PoseContactConfig()) == (order == 1)
+
+
+def test_where_no_step_converges_contact_stays_as_it_was_and_says_so(prior, ball) -> None:
+    contact = PriorContact.of_prior(prior)
+    rotation, tip = pose(depth=3.0)
+    session = contact.open([ball], rotation, tip)
+    before = session.outcome()
+    assert before.converged
+    impatient = PriorContact.of_prior(prior, PoseContactConfig(max_iterations=0))
+    deeper = np.stack([tip, pose(depth=4.0)[1]])
+    lost = replace(session, contact=impatient).go((np.stack([rotation, rotation]), deeper))
+    assert lost.lost
+    after = lost.outcome()
+    assert not after.converged
+    assert_array_equal(after.nodes, before.nodes)
+    assert_array_equal(after.displacement, before.displacement)
+    assert_allclose(after.wrench[0, :3], before.wrench[0, :3])
+    assert_allclose(after.shares.sum(axis=0), after.forces, atol=1e-2 * np.abs(after.forces).max())

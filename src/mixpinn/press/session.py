@@ -151,6 +151,8 @@ class ContactSession:
             self.push, self.lead, (config.gap, friction, config.smoothing), (config.tolerance, config.on_the_way),
             (config.max_iterations, self.patience),
         )
+        if not done:  # nothing has changed, and the kernel tells no forces of points before the first step
+            return replace(self, tries=self.tries + used), 0
         placed = replace(self.placed, rotations=path[0][done], translations=path[1][done])
         return replace(
             self, placed=placed, shift=shifts[done], force=force, slip=slip, push=push, pull=pull,
