@@ -35,6 +35,7 @@ parser.add_argument("--data", type=Path, default=Path(
 ) / "patient1" / "paper", help="folder with the paper's mesh and probe")
 parser.add_argument("--probe", choices=["linear", "paper"],
                     help="the built-in tool or the paper's; by default the paper's on the paper's mesh")
+parser.add_argument("--joints", default="none", help="preset between the vertebrae, such as in-vivo-prone")
 parser.add_argument("--levels", nargs="*", default=["linear", "quadratic", "linear halved"])
 parser.add_argument("--edges", nargs="*", type=float, default=[20.0, 14.0, 10.0, 7.0],
                     help="longest edges under the probe [mm]: two lengths and their halves")
@@ -227,6 +228,7 @@ def solve_all(base: TissueMesh, options: argparse.Namespace) -> dict[tuple[str, 
     deadline = time.perf_counter() + 60.0 * options.minutes
     found: dict[tuple[str, int], Press] = {}
     materials, config = (PAPER_TISSUE,) * len(base.tissue_names), SolverConfig(threads=options.threads)
+    joints = Scene(base, probe, materials).joined(options.joints).joints
     edges = {level_of(edge): edge for edge in options.edges}
     levels, borders = [*options.levels, *edges], {}
     if options.rest is not None:
@@ -240,7 +242,7 @@ def solve_all(base: TissueMesh, options: argparse.Namespace) -> dict[tuple[str, 
         whole = mesh.with_order(1 if "linear" in level else 2)
         if level in borders:
             whole = finer_border(whole, borders[level])
-        scene, simulator = Scene(whole, probe, materials, solver=config), None
+        scene, simulator = Scene(whole, probe, materials, solver=config, joints=joints), None
         if level == default_of():
             scene = replace(scene, refinement=LocalRefinement())
         asked = options.poses or range(len(POSES))
@@ -394,7 +396,7 @@ def main(options: argparse.Namespace) -> None:
         "vertebra_error_max_rel": default.get("vertebra_rel"), "field_error_max_mm": default.get("field_mm"),
         "paper_force_error_max": linear.get("force"),
         "mesh": "paper" if options.mesh is None else base.hash(), "vertices": base.n_points,
-        "probe": probe.name, "order": rim_order(probe), **result,
+        "joints": options.joints, "probe": probe.name, "order": rim_order(probe), **result,
     })
 
 

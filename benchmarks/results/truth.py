@@ -79,6 +79,7 @@ def errors(values: Data) -> str:
     )
     doubt += border(values) + besides(values)
     tool = f" with the {values['probe']}, order {values['order']:g}" if "probe" in values else ""
+    tool += f", joints {values['joints']}" if values.get("joints", "none") != "none" else ""
     return (
         f"Against {values['reference']}{tool}, over {values['poses']} pose(s){doubt}:\n\n"
         + table(("Cells", "Force [%]", "Vertebra [mm]", "of its bar", "Field, mean [mm]", "Poses"), rows)
@@ -103,17 +104,14 @@ def render(data: Data) -> str:
 
 def brief(data: Data) -> str:
     """The section in short."""
-    lines = ["## How far the solver is from the converged solution\n"]
+    lines, stiffer = ["## How far the solver is from the converged solution\n"], []
     for words, values in data["meshes"].items():
         ratios = [
             a / b for number, linear in values["forces"].get("linear", {}).items()
             for a, b in zip(linear, values["forces"].get("quadratic", {}).get(number, []), strict=False)
         ]
         if ratios and not values["rows"]:
-            lines.append(
-                f"- {words}: linear cells press back {min(ratios):.2f} to {max(ratios):.2f} times as hard as quadratic "
-                "ones on the same mesh."
-            )
+            stiffer.append(f"{min(ratios):.2f} to {max(ratios):.2f} times ({words})")
         if values["rows"]:
             rows, unsure = values["rows"], values["uncertainty"].get("force")
             lines.append(
@@ -121,6 +119,8 @@ def brief(data: Data) -> str:
                 + ", ".join(f"{100 * rows[level]['force']:.0f} % ({level})" for level in levels(rows))
                 + ("." if unsure is None else f"; that solution is uncertain by {100 * unsure:.0f} %.")
             )
+    if stiffer:
+        lines.append(f"- Linear cells press back {', '.join(stiffer)} as hard as quadratic ones on the same mesh.")
     return "\n".join(lines) + "\n"
 
 
