@@ -26,6 +26,7 @@ import scipy.sparse as sp
 from mixpinn.base.arrays import AnyArray, Float32Array, FloatArray, IntArray
 from mixpinn.base.errors import InputError
 from mixpinn.base.validated import ArraySpec
+from mixpinn.physics.elimination import symmetric_times
 from mixpinn.physics.face_points import FacePoints
 from mixpinn.press.first_touch import mark_shadow, touch_depths
 from mixpinn.press.probe_field import ProbeField
@@ -186,7 +187,6 @@ class FineContact:
         found: FloatArray = np.bincount(owner[under], weights=force, minlength=len(probes)).astype(np.float64)
         return found
 
-
     def _upon(
         self, probes: Sequence[ProbeField], rotations: FloatArray, translations: FloatArray,
     ) -> tuple[FloatArray, IntArray]:
@@ -255,7 +255,8 @@ def _yield(compliance, stencil, weights, soft, force, nodal, out):  # type: igno
         if force[p] != 0.0:
             for w in range(stencil.shape[1]):
                 nodal[stencil[p, w]] += weights[p, w] * force[p]
-    moved = compliance @ nodal
+    moved = np.empty(len(nodal))
+    symmetric_times(compliance, nodal, moved)
     for p in range(len(force)):
         total = soft[p] * force[p]
         for w in range(stencil.shape[1]):
