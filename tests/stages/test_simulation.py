@@ -71,6 +71,15 @@ def test_cells_refined_under_the_probe_are_a_setting_that_the_store_knows(mesh, 
         begin_simulations(mesh, config, out=tmp_path)
 
 
+def test_a_run_that_was_begun_with_another_order_is_not_continued(mesh, config, tmp_path, monkeypatch):
+    refined = build_config(SimulationConfig, {**SIMULATION, "refinement": {"edge": 12.0}})
+    begin_simulations(mesh, refined, out=tmp_path)
+    begin_simulations(mesh, refined, out=tmp_path)  # the same physics: goes on
+    monkeypatch.setattr("mixpinn.fem.local_refinement._ROUNDED_ORDER", 2.0)
+    with pytest.raises(InputError, match="begun otherwise"):
+        begin_simulations(mesh, refined, out=tmp_path)
+
+
 def test_nothing_is_written_where_no_position_can_be_probed(mesh, config, tmp_path):
     (tmp_path / "positions.txt").write_text("900 0 0")
     with pytest.raises(InputError, match="probe position"):

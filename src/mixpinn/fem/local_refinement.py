@@ -18,8 +18,8 @@ punch with an edge, and its gradient like 1/√r. What cells of size h cannot fo
 missed is missed at the border of contact, where the gradient goes on like √r: an energy of ∫₀ʰ (√r)² r dr ~ h³. Cells
 longer than the edge is round are between the two. From 20 to 7 mm p = 2.25 tells best what rounded tools tend to.
 `rim_order` tells which of them a tool has; how well it holds on a patient is measured by
-``python -m benchmarks.truth``. What is missed
-far from the probe, along the border of the held skin, is corrected otherwise (`mixpinn.fem.solve.held_border`).
+``python -m benchmarks.truth``. What is missed far from the probe, along the border of the held skin, is corrected
+otherwise (`mixpinn.fem.solve.held_border`).
 """
 
 from dataclasses import dataclass, replace
@@ -132,12 +132,12 @@ def refine_under(mesh: TissueMesh, probe: Probe, path: ProbePath, config: LocalR
         low, high = _box(skin, probe, turn, tip)
         local = (skin - tip) @ turn
         met |= ((local >= low - _MARGIN) & (local <= high + _MARGIN)).all(axis=1)
-    return _refined_around(mesh, skin[met], config)
+    return refine_around(mesh, skin[met], edge=config.edge, growth=config.growth)
 
 
 def refine_skin(mesh: TissueMesh, faces: IntArray, config: LocalRefinement) -> TissueMesh:
     """`mesh` with finer cells around all of some `faces` (t, 3) of its skin; the vertices of `mesh` come first."""
-    return _refined_around(mesh, _skin_points(mesh, faces), config)
+    return refine_around(mesh, _skin_points(mesh, faces), edge=config.edge, growth=config.growth)
 
 
 def _skin_points(mesh: TissueMesh, faces: IntArray) -> FloatArray:
@@ -146,11 +146,15 @@ def _skin_points(mesh: TissueMesh, faces: IntArray) -> FloatArray:
     return surface_points(Surface("skin", mesh.points[nodes], own.reshape(-1, 3)), _SPACING)
 
 
-def _refined_around(mesh: TissueMesh, points: FloatArray, config: LocalRefinement) -> TissueMesh:
+def refine_around(mesh: TissueMesh, points: FloatArray, *, edge: float, growth: float) -> TissueMesh:
+    """`mesh` with cells halved until no edge is longer than `edge` [mm] and `growth` times the distance from `points`.
+
+    The vertices of `mesh` come first; `points` have shape (p, 3) [mm].
+    """
     nearest = cKDTree(points)
 
     def length(places: FloatArray) -> FloatArray:
-        found: FloatArray = config.edge + config.growth * nearest.query(places)[0]
+        found: FloatArray = edge + growth * nearest.query(places)[0]
         return found
 
     return refine_to(mesh.with_order(1), length).with_order(mesh.order)

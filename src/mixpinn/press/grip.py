@@ -2,9 +2,9 @@
 
 Contact from the pose is solved on the faces of the model's own mesh, which are large beside a probe's edge: it misses a
 part of the force along the probe, which finer skin tells better (`mixpinn.press.fine_skin`), and most of the force
-across it. The latter hardly shows in the former, but a body
-that is held far away sways by it. What it must be is known better than from the contact of single points: the probe
-grips the skin, so that what presses against it does not move across it. With the normal forces n of contact shared out
+across it. The latter hardly shows in the former, but a body that is held far away sways by it. What it must be is known
+better than from the contact of single points: the probe grips the skin, so that what presses against it does not move
+across it. With the normal forces n of contact shared out
 among the nodes as w, the patch moves by C f under a force f, C = Bᵀ W B with B = w ⊗ 1, and the force across that holds
 it is
 

@@ -7,9 +7,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from mixpinn.base.arrays import BoolArray, FloatArray, IntArray
-from mixpinn.base.cache import optional_cache
 from mixpinn.base.errors import InputError
-from mixpinn.base.files import hash_arrays
 from mixpinn.base.lock import locked
 from mixpinn.base.progress import console
 from mixpinn.base.tensor_file import read_arrays, write_arrays
@@ -19,8 +17,8 @@ from mixpinn.fem.nested_faces import face_functions, owning_faces
 from mixpinn.press.contact import candidate_faces
 from mixpinn.press.fine_skin import ALONG, FineSkin, own_along
 from mixpinn.records import TissueMesh
-from mixpinn.records.plain import plain
 from mixpinn.reduced.prior import ElasticPrior
+from mixpinn.stages.prior import body_folder
 
 _RATIO = 1.4
 """Longest edge of the finer skin, in those of cells simulated under the probe. As short ones as these, with twice the
@@ -39,10 +37,8 @@ def cached_fine_skin(prior: ElasticPrior, materials: Sequence[Material], refinem
         refinement: of the cells that are simulated under the probe.
     """
     edges = refinement.scaled(_RATIO)
-    body = (prior.mesh.hash(), plain(list(materials)), prior.restraints.record(), edges.edge, edges.growth, _NEAR)
-    laws = [*materials, *(joint.law for joint in prior.restraints.joints)]
-    key = hash_arrays(prior.nodes, np.frombuffer(repr(body).encode(), dtype=np.uint8))
-    folder = optional_cache("fine_skin", key) if all(isinstance(plain(law), dict) for law in laws) else None
+    settings = edges.edge, edges.growth, _NEAR
+    folder = body_folder("fine_skin", prior.mesh, materials, prior.restraints, prior.nodes, *settings)
     if folder is None:
         return build_fine_skin(prior, materials, edges)
     with locked(folder, wait=True):
@@ -50,7 +46,6 @@ def cached_fine_skin(prior: ElasticPrior, materials: Sequence[Material], refinem
             arrays = read_arrays(folder / _FILE)[0]
             return FineSkin.of_arrays(arrays, candidates=len(prior.nodes), where=str(folder), remake="")
         found = build_fine_skin(prior, materials, edges)
-        folder.mkdir(parents=True, exist_ok=True)
         write_arrays(folder / _FILE, found.arrays())
         return found
 

@@ -2,10 +2,11 @@
 
 import contextlib
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 
-from mixpinn.base.arrays import AnyArray
+from mixpinn.base.arrays import AnyArray, IntArray
 from mixpinn.base.cache import optional_cache
 from mixpinn.base.errors import InputError
 from mixpinn.base.files import hash_arrays
@@ -15,6 +16,27 @@ from mixpinn.physics.restraints import FREE, Restraints
 from mixpinn.records import TissueMesh
 from mixpinn.records.plain import plain
 from mixpinn.reduced.prior import ElasticPrior, probed_nodes
+
+
+def body_folder(
+    what: str, mesh: TissueMesh, materials: Sequence[Material], restraints: Restraints, nodes: IntArray,
+    *settings: float,
+) -> Path | None:
+    """Where the cache keeps what is made of a body at rest and some of its nodes; None where it keeps nothing of it.
+
+    Args:
+        what: is made.
+        mesh, materials, restraints: the body.
+        nodes: of the mesh, shape (c,).
+        settings: what else it depends on.
+    """
+    # A class of the user's own that is no dataclass has no constants that could be recorded: not kept.
+    laws = [*materials, *(joint.law for joint in restraints.joints)]
+    if not all(isinstance(plain(law), dict) for law in laws):
+        return None
+    tied = [restraints.record()] if restraints != FREE else []
+    body = (mesh.hash(), plain(list(materials)), *tied, *settings)
+    return optional_cache(what, hash_arrays(nodes, np.frombuffer(repr(body).encode(), dtype=np.uint8)))
 
 
 def cached_prior(
@@ -30,13 +52,7 @@ def cached_prior(
         restraints: joints and foundations of the body.
     """
     nodes = np.union1d(probed_nodes(mesh), np.asarray(touched, dtype=np.int64))
-    # A class of the user's own that is no dataclass has no constants that could be recorded: not kept.
-    laws = [*materials, *(joint.law for joint in restraints.joints)]
-    if not all(isinstance(plain(law), dict) for law in laws):
-        return ElasticPrior.build(mesh, materials, nodes=nodes, restraints=restraints)
-    body = (mesh.hash(), plain(list(materials)), *([restraints.record()] if restraints != FREE else []))
-    key = hash_arrays(nodes, np.frombuffer(repr(body).encode(), dtype=np.uint8))
-    folder = optional_cache("prior", key)
+    folder = body_folder("prior", mesh, materials, restraints, nodes)
     if folder is None:
         return ElasticPrior.build(mesh, materials, nodes=nodes, restraints=restraints)
     with contextlib.suppress(InputError):  # what is absent or damaged in the cache is made anew

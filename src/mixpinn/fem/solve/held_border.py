@@ -23,10 +23,10 @@ from scipy.spatial.transform import Rotation
 
 from mixpinn.base.arrays import FloatArray, IntArray
 from mixpinn.fem.elements.system import ElasticSystem
+from mixpinn.fem.local_refinement import refine_around
 from mixpinn.fem.scene import Scene
 from mixpinn.fem.solve.linear import default_solver
 from mixpinn.fem.solve.scene_models import elastic_system
-from mixpinn.mesh.cells.bisect import refine_to
 from mixpinn.records import Simulation, TissueMesh
 from mixpinn.records.triangle_edges import border_edges
 
@@ -57,13 +57,7 @@ def _border_edges(mesh: TissueMesh) -> IntArray:
 
 def finer_border(mesh: TissueMesh, edge: float) -> TissueMesh:
     """The mesh with cells halved along the border until no edge there is longer than `edge` [mm]."""
-    nearest = cKDTree(held_border(mesh))
-
-    def length(points: FloatArray) -> FloatArray:
-        found: FloatArray = edge + _GROWTH * nearest.query(points)[0]
-        return found
-
-    return refine_to(mesh.with_order(1), length).with_order(mesh.order)
+    return refine_around(mesh, held_border(mesh), edge=edge, growth=_GROWTH)
 
 
 class _Body:
