@@ -64,9 +64,9 @@ class Study:
     @cached_property
     def prepared(self) -> PreparedSamples:
         """The training samples as the physical models see them."""
-        return prepare_samples(
-            self.prior, Equilibrium.of_materials(self.mesh, MATERIALS), self.table.select(self.train),
-        )
+        equilibrium = Equilibrium.of_materials(self.mesh, MATERIALS)
+        newton = HybridModel.of_prior(self.prior, equilibrium).newton
+        return prepare_samples(self.prior, newton, self.table.select(self.train))
 
     def fit(
         self, chosen: AnyArray | None = None, config: HybridConfig | None = None, name: str = "Hybrid",

@@ -5,8 +5,9 @@ import pytest
 
 from mixpinn.base.errors import InputError
 from mixpinn.fem import ElasticSystem, SuperLUSolver
-from mixpinn.reduced.build_prior import FactorConfig, build_prior
-from mixpinn.reduced.compliance import DenseCompliance, FactoredCompliance
+from mixpinn.reduced.build_prior import build_prior
+from mixpinn.reduced.clustered_compliance import ClusteredCompliance
+from mixpinn.reduced.compliance import DenseCompliance
 from reduced.pressed_block import TISSUE, top_nodes
 from training.toy_block import block_mesh
 
@@ -24,15 +25,18 @@ def test_compliance_is_the_inverse_of_the_stiffness_at_the_contact_nodes():
         np.testing.assert_allclose(prior.compliance.matrix, inverse, atol=1e-6 * np.abs(inverse).max())
 
 
-def test_what_is_too_large_is_kept_in_factors_with_the_same_own_block():
-    mesh = block_mesh()
+def test_what_is_too_large_is_made_in_clusters_as_those_of_the_whole():
+    """Whatever the chunks of right-hand sides; answers are the whole ones' to rounding."""
+    mesh = block_mesh().with_order(2)
     nodes = top_nodes(mesh)
     whole = build_prior(mesh, [TISSUE], nodes=nodes, linear=SuperLUSolver())
-    factors = FactorConfig(dense_bytes=0, modes=20, contacts=40, held_out=10)
-    parts = build_prior(mesh, [TISSUE], nodes=nodes, linear=SuperLUSolver(), factors=factors)
-    assert isinstance(parts.compliance, FactoredCompliance)
-    assert 0.0 < parts.missed < 0.2
-    np.testing.assert_allclose(parts.own_compliance, whole.own_compliance, atol=1e-6 * whole.own_compliance.max())
+    size = np.abs(whole.compliance.matrix).max()
+    for chunk in (7, 96):
+        parts = build_prior(mesh, [TISSUE], nodes=nodes, linear=SuperLUSolver(), chunk=chunk, dense_bytes=0)
+        assert isinstance(parts.compliance, ClusteredCompliance)
+        assert len(parts.compliance.clusters) > 1
+        np.testing.assert_allclose(parts.own_compliance, whole.own_compliance, atol=1e-6 * size)
+        np.testing.assert_allclose(parts.compliance.dense(), whole.compliance.matrix, atol=3e-4 * size)
 
 
 def test_nodes_that_no_probe_moves_are_refused():

@@ -116,6 +116,28 @@ def stable_stress(h: Any, mu: Any, lam: Any) -> Any:
 
 
 @inlined
+def stable_stress_beyond_linear(h: Any, mu: Any, lam: Any) -> Any:
+    """`stable_stress` less that of linear elasticity, μ (H + Hᵀ) + λ tr H 1; nothing cancels here.
+
+    P less that is (λ + μ)((J − 1) cof F − tr H 1) − μ cof H, with C as above; J − 1 − tr H = tr cof H + det H.
+    """
+    h00, h01, h02, h10, h11, h12, h20, h21, h22 = h
+    k00, k01, k02 = h11 * h22 - h12 * h21, h12 * h20 - h10 * h22, h10 * h21 - h11 * h20
+    k10, k11, k12 = h21 * h02 - h22 * h01, h22 * h00 - h20 * h02, h20 * h01 - h21 * h00
+    k20, k21, k22 = h01 * h12 - h02 * h11, h02 * h10 - h00 * h12, h00 * h11 - h01 * h10
+    trace = h00 + h11 + h22
+    further = k00 + k11 + k22 + h00 * k00 + h01 * k01 + h02 * k02
+    growth, base = (lam + mu) * (trace + further), (lam + mu) * further
+    return (
+        base + growth * (trace - h00 + k00) - mu * k00, growth * (k01 - h10) - mu * k01,
+        growth * (k02 - h20) - mu * k02, growth * (k10 - h01) - mu * k10,
+        base + growth * (trace - h11 + k11) - mu * k11, growth * (k12 - h21) - mu * k12,
+        growth * (k20 - h02) - mu * k20, growth * (k21 - h12) - mu * k21,
+        base + growth * (trace - h22 + k22) - mu * k22,
+    )
+
+
+@inlined
 def stress(kind: int, mu: float, lam: float, h: Any, f: FloatArray, cofactor: FloatArray) -> Any:
     """First Piola-Kirchhoff stress [N/mm²], nine numbers row by row; `f` and `cofactor` (3, 3) are scratch."""
     if kind == STABLE:

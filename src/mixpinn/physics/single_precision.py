@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from mixpinn.base.arrays import AnyArray, Float32Array, Int32Array
-from mixpinn.physics.energies import stable_stress
+from mixpinn.base.arrays import AnyArray, Float32Array, Int32Array, IntArray
+from mixpinn.physics.energies import stable_stress, stable_stress_beyond_linear
 from mixpinn.physics.quadrature import TETRAHEDRON_4
 
 LANES = 16
@@ -91,46 +91,42 @@ def add_quadratic_stable_forces(
         moved, gradients, constants, out: as in `add_stable_forces`.
     """
     u, f = np.empty(30 * LANES, np.float32), np.empty(30 * LANES, np.float32)
-    four, quarter, near, far = np.float32(4.0), np.float32(0.25), _OWN - _OTHER, _OTHER
     for block in range(len(cells)):
         nodes, g, c = cells[block], gradients[block], constants[block]
         _gather(nodes, 10, moved, u)
         for e in range(LANES):
-            g1, g2, g3 = _three(g, 0, e), _three(g, 1, e), _three(g, 2, e)
-            g0 = (-(g1[0] + g2[0] + g3[0]), -(g1[1] + g2[1] + g3[1]), -(g1[2] + g2[2] + g3[2]))
-            u0, u1, u2, u3 = _three(u, 0, e), _three(u, 1, e), _three(u, 2, e), _three(u, 3, e)
-            u01, u02, u03 = _three(u, 4, e), _three(u, 5, e), _three(u, 6, e)
-            u12, u13, u23 = _three(u, 7, e), _three(u, 8, e), _three(u, 9, e)
-            h0 = _gradient(_ahead(u0, u01, u1), g1, _ahead(u0, u02, u2), g2, _ahead(u0, u03, u3), g3)
-            h1 = _gradient(_ahead(u1, u01, u0), g0, _ahead(u1, u12, u2), g2, _ahead(u1, u13, u3), g3)
-            h2 = _gradient(_ahead(u2, u02, u0), g0, _ahead(u2, u12, u1), g1, _ahead(u2, u23, u3), g3)
-            h3 = _gradient(_ahead(u3, u03, u0), g0, _ahead(u3, u13, u1), g1, _ahead(u3, u23, u2), g2)
-            mean = _scaled(far, _sum(h0, h1, h2, h3))
-            mu, lam, share = c[e], c[LANES + e], quarter * c[2 * LANES + e]
-            p0 = stable_stress(_mixed(mean, near, h0), mu, lam)
-            p1 = stable_stress(_mixed(mean, near, h1), mu, lam)
-            p2 = stable_stress(_mixed(mean, near, h2), mu, lam)
-            p3 = stable_stress(_mixed(mean, near, h3), mu, lam)
-            total = _scaled(share, _sum(p0, p1, p2, p3))
-            # 4 S_a, whose sum is 4 `total`
-            four_far, own = _scaled(four * far, total), four * share * near
-            s0, s1 = _mixed(four_far, own, p0), _mixed(four_far, own, p1)
-            s2, s3 = _mixed(four_far, own, p2), _mixed(four_far, own, p3)
-            _put(f, 0, e, _minus(_apply(s0, g0), _apply(total, g0)))
-            _put(f, 1, e, _minus(_apply(s1, g1), _apply(total, g1)))
-            _put(f, 2, e, _minus(_apply(s2, g2), _apply(total, g2)))
-            _put(f, 3, e, _minus(_apply(s3, g3), _apply(total, g3)))
-            _put(f, 4, e, _plus(_apply(s1, g0), _apply(s0, g1)))
-            _put(f, 5, e, _plus(_apply(s2, g0), _apply(s0, g2)))
-            _put(f, 6, e, _plus(_apply(s3, g0), _apply(s0, g3)))
-            _put(f, 7, e, _plus(_apply(s2, g1), _apply(s1, g2)))
-            _put(f, 8, e, _plus(_apply(s3, g1), _apply(s1, g3)))
-            _put(f, 9, e, _plus(_apply(s3, g2), _apply(s2, g3)))
-        for n in range(10):
-            for e in range(LANES):
-                node = nodes[n * LANES + e]
-                for i in range(3):
-                    out[node, i] += f[(3 * n + i) * LANES + e]
+            h0, h1, h2, h3 = _point_gradients(u, g, e)
+            mu, lam = c[e], c[LANES + e]
+            p0, p1 = stable_stress(h0, mu, lam), stable_stress(h1, mu, lam)
+            p2, p3 = stable_stress(h2, mu, lam), stable_stress(h3, mu, lam)
+            _put_forces(f, g, e, c[2 * LANES + e], p0, p1, p2, p3)
+        _scatter(nodes, f, out)
+
+
+@njit(fastmath=True, cache=True, nogil=True, error_model="numpy")
+def add_nonlinear_forces(
+    blocks: IntArray, weights: Float32Array, cells: Int32Array, moved: Float32Array, gradients: Float32Array,
+    constants: Float32Array, out: Float32Array,
+) -> None:
+    """As `add_quadratic_stable_forces` for some blocks of lanes, less what linear elasticity has, times a weight each.
+
+    Args:
+        blocks: which they are, shape (b,).
+        weights: of each, shape (b,).
+        cells, moved, gradients, constants, out: as there.
+    """
+    u, f = np.empty(30 * LANES, np.float32), np.empty(30 * LANES, np.float32)
+    for chosen in range(len(blocks)):
+        block = blocks[chosen]
+        nodes, g, c, weight = cells[block], gradients[block], constants[block], weights[chosen]
+        _gather(nodes, 10, moved, u)
+        for e in range(LANES):
+            h0, h1, h2, h3 = _point_gradients(u, g, e)
+            mu, lam = c[e], c[LANES + e]
+            p0, p1 = stable_stress_beyond_linear(h0, mu, lam), stable_stress_beyond_linear(h1, mu, lam)
+            p2, p3 = stable_stress_beyond_linear(h2, mu, lam), stable_stress_beyond_linear(h3, mu, lam)
+            _put_forces(f, g, e, weight * c[2 * LANES + e], p0, p1, p2, p3)
+        _scatter(nodes, f, out)
 
 
 _inlined = njit(fastmath=True, cache=True, nogil=True, error_model="numpy", inline="always")
@@ -145,6 +141,63 @@ def _gather(nodes: Any, count: int, moved: Any, u: Any) -> None:
             node = nodes[n * LANES + e]
             for i in range(3):
                 u[(3 * n + i) * LANES + e] = moved[node, i]
+
+
+@_inlined
+def _point_gradients(u: Any, g: Any, e: int) -> Any:
+    """Displacement gradients of a ten-node cell at the four points of the quadrature."""
+    near = _OWN - _OTHER
+    g1, g2, g3 = _three(g, 0, e), _three(g, 1, e), _three(g, 2, e)
+    g0 = _fourth(g1, g2, g3)
+    u0, u1, u2, u3 = _three(u, 0, e), _three(u, 1, e), _three(u, 2, e), _three(u, 3, e)
+    u01, u02, u03 = _three(u, 4, e), _three(u, 5, e), _three(u, 6, e)
+    u12, u13, u23 = _three(u, 7, e), _three(u, 8, e), _three(u, 9, e)
+    h0 = _gradient(_ahead(u0, u01, u1), g1, _ahead(u0, u02, u2), g2, _ahead(u0, u03, u3), g3)
+    h1 = _gradient(_ahead(u1, u01, u0), g0, _ahead(u1, u12, u2), g2, _ahead(u1, u13, u3), g3)
+    h2 = _gradient(_ahead(u2, u02, u0), g0, _ahead(u2, u12, u1), g1, _ahead(u2, u23, u3), g3)
+    h3 = _gradient(_ahead(u3, u03, u0), g0, _ahead(u3, u13, u1), g1, _ahead(u3, u23, u2), g2)
+    mean = _scaled(_OTHER, _sum(h0, h1, h2, h3))
+    return _mixed(mean, near, h0), _mixed(mean, near, h1), _mixed(mean, near, h2), _mixed(mean, near, h3)
+
+
+@_inlined
+def _put_forces(f: Any, g: Any, e: int, volume: Any, p0: Any, p1: Any, p2: Any, p3: Any) -> None:
+    """Nodal forces of a ten-node cell from the stresses at the four points of the quadrature."""
+    four, quarter, near = np.float32(4.0), np.float32(0.25), _OWN - _OTHER
+    share = quarter * volume
+    g1, g2, g3 = _three(g, 0, e), _three(g, 1, e), _three(g, 2, e)
+    g0 = _fourth(g1, g2, g3)
+    total = _scaled(share, _sum(p0, p1, p2, p3))
+    # 4 S_a, whose sum is 4 `total`
+    four_far, own = _scaled(four * _OTHER, total), four * share * near
+    s0, s1 = _mixed(four_far, own, p0), _mixed(four_far, own, p1)
+    s2, s3 = _mixed(four_far, own, p2), _mixed(four_far, own, p3)
+    _put(f, 0, e, _minus(_apply(s0, g0), _apply(total, g0)))
+    _put(f, 1, e, _minus(_apply(s1, g1), _apply(total, g1)))
+    _put(f, 2, e, _minus(_apply(s2, g2), _apply(total, g2)))
+    _put(f, 3, e, _minus(_apply(s3, g3), _apply(total, g3)))
+    _put(f, 4, e, _plus(_apply(s1, g0), _apply(s0, g1)))
+    _put(f, 5, e, _plus(_apply(s2, g0), _apply(s0, g2)))
+    _put(f, 6, e, _plus(_apply(s3, g0), _apply(s0, g3)))
+    _put(f, 7, e, _plus(_apply(s2, g1), _apply(s1, g2)))
+    _put(f, 8, e, _plus(_apply(s3, g1), _apply(s1, g3)))
+    _put(f, 9, e, _plus(_apply(s3, g2), _apply(s2, g3)))
+
+
+@_inlined
+def _scatter(nodes: Any, f: Any, out: Any) -> None:
+    """Add the forces of ten-node cells, side by side in `f`, to those of their nodes."""
+    for n in range(10):
+        for e in range(LANES):
+            node = nodes[n * LANES + e]
+            for i in range(3):
+                out[node, i] += f[(3 * n + i) * LANES + e]
+
+
+@_inlined
+def _fourth(a: Any, b: Any, c: Any) -> Any:
+    """−(a + b + c)."""
+    return -(a[0] + b[0] + c[0]), -(a[1] + b[1] + c[1]), -(a[2] + b[2] + c[2])
 
 
 @_inlined

@@ -11,13 +11,14 @@ integers (see `Rows`); displacements of the contact nodes themselves, and twists
 21,000 nodes a third of the memory remains, and products take no longer. It is one level of a hierarchical matrix.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from mixpinn.base.arrays import AnyArray, BoolArray, Float32Array, FloatArray, IntArray
+from mixpinn.base.progress import track
 from mixpinn.reduced.row_products import combine_rows, rows_times
 from mixpinn.reduced.rows import Rows
 
@@ -60,6 +61,11 @@ class Cluster:
         found = self.near.times(inside[self.close], local)
         return found + self.left[local] @ self.far.times(inside) if len(self.far) else found
 
+    def columns(self, inside: IntArray) -> "Cluster":
+        """For some of the unknowns inside alone, ascending, shape (k,)."""
+        _, close, among = np.intersect1d(inside, self.close, return_indices=True)
+        return Cluster(self.rows, close, self.near.columns(among), self.left, self.far.columns(inside))
+
     def dense(self) -> Float32Array:
         """As it is, shape (ρ, I)."""
         matrix = self.left @ self.far.dense()
@@ -93,20 +99,32 @@ class ClusteredCompliance:
     def of(
         matrix: Float32Array, unknowns: IntArray, places: FloatArray, inside: FloatArray, *, most: int = 64,
     ) -> "ClusteredCompliance":
-        """Of a whole C.
+        """Of a whole C, shape (R, D); other arguments as in `of_solves`."""
+        return ClusteredCompliance.of_solves(lambda rows: matrix[rows], unknowns, places, inside, most=most)
+
+    @staticmethod
+    def of_solves(
+        solve: Callable[[IntArray], Float32Array], unknowns: IntArray, places: FloatArray, inside: FloatArray, *,
+        most: int = 64,
+    ) -> "ClusteredCompliance":
+        """Of rows of C that are asked for cluster by cluster: C as a whole need not fit into memory.
 
         Args:
-            matrix: C, shape (R, D).
+            solve: rows of C by their numbers (ρ,), shape (ρ, D).
             unknowns: see above.
             places: of the contact nodes [mm], shape (R / 3, 3).
             inside: places of the nodes whose displacements are inside, as their unknowns follow, shape (I / 3, 3).
             most: contact nodes of a cluster.
         """
-        columns = np.setdiff1d(np.arange(matrix.shape[1]), unknowns)
-        clusters = tuple(
-            _cluster(matrix, columns, nodes, _far(places[nodes], inside)) for nodes in _parts(places, most)
-        )
-        return ClusteredCompliance(clusters, np.ascontiguousarray(matrix[:, unknowns]), unknowns)
+        columns = np.setdiff1d(np.arange(3 * len(inside) + len(unknowns)), unknowns)
+        exact = np.empty((3 * len(places), len(unknowns)), dtype=np.float32)
+        clusters = []
+        for nodes in track(_parts(places, most), "clusters of contact nodes"):
+            rows = rows_of(nodes)
+            whole = solve(rows)
+            exact[rows] = whole[:, unknowns]
+            clusters.append(_cluster(rows, np.ascontiguousarray(whole[:, columns]), _far(places[nodes], inside)))
+        return ClusteredCompliance(tuple(clusters), exact, unknowns)
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -124,8 +142,8 @@ class ClusteredCompliance:
         factors = np.asarray(force, dtype=np.float32).ravel()
         exact, inside = np.zeros(self.exact.shape[1], np.float32), np.zeros(len(self.inside), np.float32)
         combine_rows(self.exact, rows, factors, exact)
-        for cluster, chosen, local in self._of_rows(rows):
-            cluster.add_to(inside, factors[chosen], local)
+        for number, chosen, local in self.of_rows(rows):
+            self.clusters[number].add_to(inside, factors[chosen], local)
         out = np.empty(self.shape[1], dtype=np.float32)
         out[self.inside], out[self.unknowns] = inside, exact
         return out
@@ -135,8 +153,8 @@ class ClusteredCompliance:
         out = np.empty(len(rows), np.float32)
         rows_times(self.exact, rows, np.ascontiguousarray(residual[self.unknowns], dtype=np.float32), out)
         inside = np.ascontiguousarray(residual[self.inside], dtype=np.float32)
-        for cluster, chosen, local in self._of_rows(rows):
-            out[chosen] += cluster.times(inside, local)
+        for number, chosen, local in self.of_rows(rows):
+            out[chosen] += self.clusters[number].times(inside, local)
         return out
 
     @property
@@ -165,12 +183,19 @@ class ClusteredCompliance:
             matrix[np.ix_(cluster.rows, self.inside)] = cluster.dense()
         return matrix
 
-    def _of_rows(self, rows: IntArray) -> Iterator[tuple[Cluster, IntArray, IntArray]]:
-        """Clusters of some rows (l,), which of these each has, and their numbers there."""
+    def columns(self, chosen: IntArray) -> "ClusteredCompliance":
+        """For some unknowns alone (k,), ascending: its D is k, and its inner block is not what `own` says."""
+        inside = np.intersect1d(self.inside, chosen, return_indices=True)[1]
+        exact, place = np.intersect1d(self.unknowns, chosen, return_indices=True)[1:]
+        clusters = tuple(cluster.columns(inside) for cluster in self.clusters)
+        return ClusteredCompliance(clusters, np.ascontiguousarray(self.exact[:, exact]), place)
+
+    def of_rows(self, rows: IntArray) -> Iterator[tuple[int, IntArray, IntArray]]:
+        """Clusters that have some rows (l,), by number, which of these each has, and the rows' numbers there."""
         owner: IntArray = self._owner[rows]  # type: ignore[attr-defined]
         for number in np.unique(owner):
             chosen = np.flatnonzero(owner == number)
-            yield self.clusters[number], chosen, self._place[rows[chosen]]  # type: ignore[attr-defined]
+            yield int(number), chosen, self._place[rows[chosen]]  # type: ignore[attr-defined]
 
 
 def _parts(places: FloatArray, most: int) -> list[IntArray]:
@@ -196,9 +221,8 @@ def _far(cluster: FloatArray, inside: FloatArray) -> BoolArray:
     return far
 
 
-def _cluster(matrix: Float32Array, columns: IntArray, nodes: IntArray, far: BoolArray) -> Cluster:
-    rows = rows_of(nodes)
-    whole = matrix[np.ix_(rows, columns)]
+def _cluster(rows: IntArray, whole: Float32Array, far: BoolArray) -> Cluster:
+    """Of some rows: their responses inside (ρ, I), and which nodes inside (I / 3,) are far."""
     distant = np.repeat(far, 3)
     of_far = np.where(distant, whole, np.float32(0.0))
     exact = of_far.astype(np.float64)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mixpinn.base.arrays import AnyArray, Float32Array
+from mixpinn.base.arrays import AnyArray, Float32Array, FloatArray, Int32Array
 from mixpinn.base.errors import InputError
 from mixpinn.geometry.rotations import rotation_from_vector
 from mixpinn.geometry.tetrahedra import shape_gradients
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from mixpinn.fem import Material
+
 
 class Equilibrium:
     """Evaluates the residual on one mesh; an evaluation changes nothing, so that threads may share an instance.
@@ -47,19 +48,11 @@ class Equilibrium:
         self, mesh: TissueMesh, *, mu: AnyArray, lam: AnyArray, restraints: Restraints = FREE,
     ) -> None:
         self.mu, self.lam = np.asarray(mu, dtype=np.float64), np.asarray(lam, dtype=np.float64)
-        deforms = mesh.deforming_cells  # no other cell carries stress
-        # Sorted, ten nodes are four vertices and the midpoints of their pairs in ascending order.
-        cells = mesh.cells if mesh.order == 1 else np.sort(mesh.cell_nodes, axis=1)
-        gradients, volumes = shape_gradients(mesh.points, cells[deforms][:, :4])
-        tissue = mesh.tissue[deforms].astype(np.int64)
-        constants = np.stack([self.mu[tissue], self.lam[tissue], volumes], axis=1)
         self._quadratic = mesh.order == 2
-        self._cells = in_lanes(cells[deforms].astype(np.int32))
-        self._gradients = in_lanes(gradients[:, 1:].reshape(-1, 9).astype(np.float32))
-        self._constants = in_lanes(constants.astype(np.float32))
+        self._cells, self._gradients, self._constants = map(in_lanes, cell_arrays(mesh, self.mu, self.lam))
         self.restraints = restraints
-        centroids = [mesh.points[mesh.part_nodes(k)].mean(axis=0) for k in range(1, mesh.n_parts + 1)]
-        self._joints = JointSystem(restraints.joints, mesh.rigid_names, np.array(centroids).reshape(-1, 3))
+        self._centroids = [mesh.points[mesh.part_nodes(k)].mean(axis=0) for k in range(1, mesh.n_parts + 1)]
+        self.joints = JointSystem(restraints.joints, mesh.rigid_names, np.array(self._centroids).reshape(-1, 3))
         self._under = [
             system for system in (
                 FoundationSystem(restraints.foundations, mesh), MembraneSystem(restraints.membrane, mesh),
@@ -86,6 +79,19 @@ class Equilibrium:
                 )
         return Equilibrium(mesh, mu=constants[:, 0], lam=constants[:, 1], restraints=restraints)
 
+    @property
+    def rests_on_skin(self) -> bool:
+        """Whether foundations or a membrane act on the skin."""
+        return bool(self._under)
+
+    def joints_at_rest(self) -> tuple[FloatArray, FloatArray]:
+        """Wrenches of the joints at rest [N, N mm], shape (K, 6), and their stiffness there, shape (6 K, 6 K)."""
+        count = len(self._centroids)
+        turns, shifts = np.tile(np.eye(3), (count, 1, 1)), np.zeros((count, 3))
+        stiffness = np.zeros((6 * count, 6 * count))
+        self.joints.add_tangent(turns, shifts, stiffness)
+        return self.joints.gradient(turns, shifts), stiffness
+
     def nodal_forces(self, field: AnyArray) -> Float32Array:
         """∂E/∂x of every node [N], float32, shape (n, 3), for a displacement field [mm], shape (n, 3)."""
         moved = np.ascontiguousarray(field, dtype=np.float32)
@@ -106,10 +112,28 @@ class Equilibrium:
         field = coordinates.expand(unknowns)
         nodal = self.nodal_forces(field)
         out = coordinates.gather(nodal, field)
-        if len(self._joints):
+        if len(self.joints):
             twists = coordinates.twists(unknowns)
-            wrenches = self._joints.gradient(rotation_from_vector(twists[:, 3:]), twists[:, :3])
+            wrenches = self.joints.gradient(rotation_from_vector(twists[:, 3:]), twists[:, :3])
             out[coordinates.n_soft:] += wrenches.ravel().astype(np.float32)
         if coordinates.held.any():
             out[coordinates.n_soft:].reshape(-1, 6)[coordinates.held] = 0.0
         return out
+
+
+def cell_arrays(mesh: TissueMesh, mu: FloatArray, lam: FloatArray) -> tuple[Int32Array, Float32Array, Float32Array]:
+    """What the kernels need of each cell that deforms: nodes, gradients and constants, m rows each.
+
+    Args:
+        mesh: the mesh.
+        mu, lam: Lamé constants of each tissue [N/mm²], shape (T,).
+    """
+    deforms = mesh.deforming_cells  # no other cell carries stress
+    # Sorted, ten nodes are four vertices and the midpoints of their pairs in ascending order.
+    cells = (mesh.cells if mesh.order == 1 else np.sort(mesh.cell_nodes, axis=1))[deforms]
+    gradients, volumes = shape_gradients(mesh.points, cells[:, :4])
+    tissue = mesh.tissue[deforms].astype(np.int64)
+    constants = np.stack([mu[tissue], lam[tissue], volumes], axis=1)
+    return (
+        cells.astype(np.int32), gradients[:, 1:].reshape(-1, 9).astype(np.float32), constants.astype(np.float32),
+    )

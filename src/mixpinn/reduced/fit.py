@@ -20,6 +20,7 @@ from mixpinn.reduced.error_estimate import ErrorEstimate, Signs
 from mixpinn.reduced.hybrid import HybridModel, features
 from mixpinn.reduced.modal_newton import ModalNewton
 from mixpinn.reduced.modes import coefficients, excited_modes, principal_modes
+from mixpinn.reduced.near_cells import NearCells, cells_near
 from mixpinn.reduced.prior import ElasticPrior
 from mixpinn.reduced.rows import Rows
 
@@ -121,7 +122,7 @@ class PreparedSamples:
         ])
 
 
-def prepare_samples(prior: ElasticPrior, equilibrium: Equilibrium, table: SampleTable) -> PreparedSamples:
+def prepare_samples(prior: ElasticPrior, newton: ModalNewton, table: SampleTable) -> PreparedSamples:
     """Ask the two physical models about every sample of a table; the table's prediction needs no training."""
     space, size = prior.coordinates, (len(table), prior.coordinates.size)
     found = PreparedSamples(
@@ -134,8 +135,7 @@ def prepare_samples(prior: ElasticPrior, equilibrium: Equilibrium, table: Sample
         force = contact.solve(sample.contact_displacement.ravel())
         response, residual = found.response[index], found.residual[index]
         response[:] = prior.respond_to_forces(contact, force)
-        residual[:] = equilibrium.residual(response, space)
-        residual[contact.unknowns] = 0.0
+        residual[:] = newton.residual(response, contact)
         found.missed[index] = space.project(sample.displacement) - response
         found.rows.append(contact.rows)
         found.force.append(force)
@@ -166,9 +166,10 @@ def fit_hybrid(
                 "samples", expected=f"samples of {discretisation_of(prior.mesh)}", got=f"those of {table.made_on}",
                 fix="build the prior on the mesh of the simulations",
             )
-    equilibrium = Equilibrium.of_materials(prior.mesh, materials, prior.restraints)
-    prepared = prepare_samples(prior, equilibrium, train)
-    model = fit_correction(prior, materials, prepared, config)
+    newton = HybridModel.of_prior(prior, Equilibrium.of_materials(prior.mesh, materials, prior.restraints)).newton
+    newton = replace(newton, near=cells_near(prior.mesh, newton.equilibrium, prior.nodes))
+    prepared = prepare_samples(prior, newton, train)
+    model = fit_correction(prior, materials, prepared, config, newton.near)
     error = None
     if len(validation):
         signs, errors = error_signs(model, validation)
@@ -182,8 +183,9 @@ def fit_hybrid(
 
 def fit_correction(
     prior: ElasticPrior, materials: Sequence[Material], prepared: PreparedSamples, config: HybridConfig,
+    near: NearCells | None = None,
 ) -> HybridModel:
-    """Modes and gain from prepared training samples; the model is not calibrated yet."""
+    """Modes and gain from training samples, prepared with `near`; the model is not calibrated yet."""
     rng = np.random.default_rng(config.seed)
     weights = prior.coordinates.weights
     drawn = prepared.select(np.sort(rng.permutation(len(prepared))[: config.mode_samples]))
@@ -202,7 +204,7 @@ def fit_correction(
     duals = linear.solve(np.asfortranarray((weights**2 * modes).T, dtype=np.float64)).T
     newton = ModalNewton(
         prior, equilibrium, Rows.of(modes), Rows.of(duals),
-        np.ascontiguousarray(prior.compliance.times(weights**2 * modes)),
+        np.ascontiguousarray(prior.compliance.times(weights**2 * modes)), near,
     )
     readers = np.ascontiguousarray(prior.compliance.times(weights**2 * principal))
     step, coordinates = prepared.steps(newton), prepared.coordinates(readers)

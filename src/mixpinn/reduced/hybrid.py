@@ -28,6 +28,7 @@ from mixpinn.records.answer import discretisation_of
 from mixpinn.reduced.equilibrium import Equilibrium
 from mixpinn.reduced.error_estimate import ErrorEstimate, Signs
 from mixpinn.reduced.modal_newton import ModalNewton
+from mixpinn.reduced.near_cells import NearCells
 from mixpinn.reduced.prior import PRIOR, ContactSystem, ElasticPrior
 from mixpinn.reduced.quadratic_features import quadratic_features
 from mixpinn.reduced.rows import Rows
@@ -67,6 +68,7 @@ class _About:
     discretisation: str = ""
     newton_length: float = 0.0
     reach: float | None = None
+    near: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,10 +168,16 @@ class HybridModel:
         contact = self.prior.hold(nodes)
         force = contact.solve(np.asarray(displacement).ravel())
         response = self.prior.respond_to_forces(contact, force)
-        coordinates = self.readers[:, contact.rows] @ force.astype(np.float32)
         step = self.newton.step(response, contact) if len(self.newton.modes) else np.zeros(0, np.float32)
-        correction = self._within_reach(step, features(step, coordinates) @ self.gain)
+        correction, coordinates = self.correct(contact, force, step)
         return HybridState(contact, response, force, response, step, correction, coordinates)
+
+    def correct(
+        self, contact: ContactSystem, force: FloatArray, step: Float32Array,
+    ) -> tuple[Float32Array, Float32Array]:
+        """z (m,) and the coordinates a (k,) of the prior's answer to forces (3 l,) [N] with the Newton step ν (m,)."""
+        coordinates = self.readers[:, contact.rows] @ force.astype(np.float32)
+        return self._within_reach(step, features(step, coordinates) @ self.gain), coordinates
 
     def _within_reach(self, step: Float32Array, correction: Float32Array) -> Float32Array:
         """The correction z with |z − ℓ ν| cut back to `reach` |ν|; continuous in both."""
@@ -193,7 +201,7 @@ class HybridModel:
 
     def signs(self, state: HybridState) -> Signs:
         """What the error of a prediction shows in; costs one more evaluation of the equilibrium."""
-        remaining = self.newton.step(state.unknowns, state.contact)
+        remaining = self.newton.step(state.unknowns, state.contact, state.unknowns - state.response)
         return Signs.of(state.step, state.correction, remaining, state.coordinates)
 
     def save(self, folder: Path | str, *, tolerance: float = 0.0, packed: bool = False) -> None:
@@ -215,6 +223,7 @@ class HybridModel:
             "error": self.error.as_dict() if self.error is not None else None,
             "discretisation": discretisation_of(self.mesh),
             "newton_length": self.newton_length, "reach": self.reach if np.isfinite(self.reach) else None,
+            "near": None if self.newton.near is None else self.newton.near.reach,
         })
         mesh = [MESH_FILE] if (folder / MESH_FILE).is_file() else []
         BUNDLE.seal(folder, [HYBRID_FILE, _TENSORS, _PRIOR_MANIFEST, *mesh])
@@ -241,7 +250,8 @@ class HybridModel:
                 mesh, mu=np.array(values.mu), lam=np.array(values.lam), restraints=prior.restraints,
             )
             modes, duals = (Rows(arrays[name], arrays.get(f"{name}_scale")) for name in ("modes", "duals"))
-            newton = ModalNewton(prior, equilibrium, modes, duals, arrays["coupling"])
+            near = None if values.near is None else NearCells(mesh, equilibrium, prior.nodes, values.near)
+            newton = ModalNewton(prior, equilibrium, modes, duals, arrays["coupling"], near)
             where, size = f"{folder / HYBRID_FILE}: error", len(arrays["readers"])
             error = None if values.error is None else ErrorEstimate.of_dict(
                 values.error, where, coordinates=size, remake=BUNDLE.remake,

@@ -10,7 +10,8 @@ are wanted, Ψ M δ with M the weights. They need K⁻¹ for the modes alone, on
 
     Ψ M δ = −(Φ r − T_L W_LL⁻¹ C_Lᵀ r).
 
-The step is exact, however few modes there are; no linear system of the mesh's size is solved.
+The step is exact, however few modes there are; no linear system of the mesh's size is solved. On a mesh of many cells
+r is summed over those near the contact nodes alone (`mixpinn.reduced.near_cells`).
 """
 
 from dataclasses import dataclass, replace
@@ -19,6 +20,7 @@ import numpy as np
 
 from mixpinn.base.arrays import AnyArray, Float32Array, FloatArray
 from mixpinn.reduced.equilibrium import Equilibrium
+from mixpinn.reduced.near_cells import NearCells
 from mixpinn.reduced.prior import ContactSystem, ElasticPrior
 from mixpinn.reduced.rows import Rows
 
@@ -33,6 +35,7 @@ class ModalNewton:
         modes: Ψ, orthonormal, shape (m, D).
         duals: Φ = Ψ M K⁻¹, shape (m, D).
         coupling: T = Ψ M C, shape (m, 3 c).
+        near: cells that the residual is summed over; None sums over all.
     """
 
     prior: ElasticPrior
@@ -40,6 +43,7 @@ class ModalNewton:
     modes: Rows
     duals: Rows
     coupling: Float32Array
+    near: NearCells | None = None
 
     def leading(self, count: int) -> "ModalNewton":
         """With the first `count` modes."""
@@ -48,17 +52,30 @@ class ModalNewton:
             coupling=np.ascontiguousarray(self.coupling[:count]),
         )
 
-    def step(self, unknowns: AnyArray, contact: ContactSystem) -> Float32Array:
+    def step(self, unknowns: AnyArray, contact: ContactSystem, moved: AnyArray | None = None) -> Float32Array:
         """Coefficients of the Newton step [mm times the root of the number of nodes], shape (m,).
 
         Args:
             unknowns: the state, at which the contact nodes are where they are imposed to be, shape (D,).
             contact: the contact nodes that are held.
+            moved: how far the state is from the prior's answer [mm, rad], shape (D,); None: it is that answer.
         """
+        step = self.step_of_residual(self.residual(unknowns, contact), contact)
+        if self.near is None or moved is None:
+            return step
+        # What linear elasticity leaves unbalanced at the state, K `moved`, is not in the residual: it leads back.
+        weights = self.prior.coordinates.weights
+        return step - self.modes.times(weights**2 * np.asarray(moved, dtype=np.float32))
+
+    def residual(self, unknowns: AnyArray, contact: ContactSystem) -> Float32Array:
+        """Unbalanced force on each unknown [N, N mm], zero on those that contact holds, shape (D,)."""
         coordinates = self.prior.coordinates
-        residual = self.equilibrium.residual(unknowns, coordinates)
+        residual = (
+            self.equilibrium.residual(unknowns, coordinates) if self.near is None
+            else self.near.residual(unknowns, coordinates, contact.rows)
+        )
         residual[contact.unknowns] = 0.0
-        return self.step_of_residual(residual, contact)
+        return residual
 
     def step_of_residual(self, residual: Float32Array, contact: ContactSystem) -> Float32Array:
         """`step` for a residual (D,) that is zero on the held unknowns."""

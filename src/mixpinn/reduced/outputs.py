@@ -1,7 +1,8 @@
 """Outputs: the hybrid model's answer at some nodes alone, for less than the whole field costs.
 
 What z adds to the prior's response is summed up over the unknowns of these nodes only: over the vertices of a mesh of
-ten-node cells, a seventh of all. The residual behind z still needs the whole response.
+ten-node cells, a seventh of all. The residual behind z needs the whole response where all cells count for it. On a mesh
+of many cells, of which those near contact count, prior and residual are asked there and at the chosen nodes alone.
 """
 
 from collections.abc import Callable
@@ -11,7 +12,10 @@ import numpy as np
 from mixpinn.base.arrays import AnyArray, Float32Array, FloatArray, IntArray
 from mixpinn.base.errors import InputError
 from mixpinn.geometry.rotations import rotation_from_vector
+from mixpinn.reduced.clustered_compliance import ClusteredCompliance
 from mixpinn.reduced.hybrid import HybridModel
+from mixpinn.reduced.near_answer import NearAnswer
+from mixpinn.reduced.prior import ContactSystem
 
 Checked = Callable[[AnyArray, AnyArray], tuple[AnyArray, AnyArray]]
 
@@ -50,6 +54,11 @@ class Outputs:
         self._place: IntArray = np.full(coordinates.size, -1)
         self._place[soft] = np.arange(len(soft))
         self._modes = model.newton.modes.columns(self._unknowns)
+        compliance = model.prior.compliance
+        self._newton: NearAnswer | None = None
+        if model.newton.near is not None and len(model.newton.modes) and isinstance(compliance, ClusteredCompliance):
+            distinct, self._again = np.unique(self._unknowns, return_inverse=True)
+            self._newton, self._chosen = NearAnswer(model.newton), compliance.columns(distinct)
         self._parts: list[tuple[int, IntArray, FloatArray]] = []
         for number, (members, arms) in enumerate(zip(coordinates.parts, coordinates.arms, strict=True)):
             at = np.minimum(np.searchsorted(members, chosen), max(len(members) - 1, 0))
@@ -61,10 +70,9 @@ class Outputs:
         """Displacement of the chosen nodes [mm], float32, shape (k, 3); operands and errors of `HybridModel.solve`."""
         if self._checked is not None:
             nodes, displacements = self._checked(nodes, displacements)
-        state = self.model.respond(nodes, displacements)
-        found = state.response[self._unknowns]
-        self._modes.add_to(found, state.correction)
-        held = self._place[state.contact.unknowns]
+        contact, found, correction = self._respond(nodes, displacements)
+        self._modes.add_to(found, correction)
+        held = self._place[contact.unknowns]
         asked = held >= 0
         found[held[asked]] = np.asarray(displacements, dtype=np.float32).ravel()[asked]
         field = np.zeros((len(self.nodes), 3), dtype=np.float32)
@@ -74,3 +82,13 @@ class Outputs:
             turn = rotation_from_vector(twists[number, 3:]) - np.eye(3)
             field[rows] = twists[number, :3] + arms @ turn.T
         return field
+
+    def _respond(self, nodes: AnyArray, displacements: AnyArray) -> tuple[ContactSystem, Float32Array, Float32Array]:
+        """The contact nodes, the prior's answer at the chosen unknowns (k,), and the correction z (m,)."""
+        if self._newton is None:
+            state = self.model.respond(nodes, displacements)
+            return state.contact, state.response[self._unknowns], state.correction
+        contact = self.model.prior.hold(nodes)
+        force = contact.solve(np.asarray(displacements).ravel())
+        correction, _ = self.model.correct(contact, force, self._newton.step(contact, force))
+        return contact, self._chosen.respond(contact.rows, force)[self._again], correction

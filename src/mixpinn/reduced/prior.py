@@ -45,8 +45,7 @@ FILES = tuple(dict.fromkeys((_ABOUT, _COMPLIANCE, _LEFT, _RIGHT, _OWN, *_EARLIER
 """All that a prior may have; compliance, whole or in clusters (`_EARLIER`: as earlier versions wrote it), or its
 factors."""
 DENSE_BYTES = 1 << 30
-"""Beyond this size [byte] a compliance is kept in factors: it would not fit beside everything else in memory. Up to it,
-the whole matrix answers faster: the rows of some thirty contact nodes are less to read than some hundred modes."""
+"""Beyond this size [byte] a compliance is made cluster by cluster: it might not fit beside all else in memory."""
 PRIOR = Artefact("elastic prior", 1, "make the prior again (one in the cache is made anew by itself)")
 
 
@@ -282,7 +281,7 @@ class ElasticPrior:
         own, free = self._own_unknowns(), self.coordinates.free
         inside = np.setdiff1d(free, self.nodes)
         return ClusteredCompliance.of(
-            whole.matrix, _exact_unknowns(own, self.coordinates), self.mesh.node_points[self.nodes],
+            whole.matrix, exact_unknowns(own, self.coordinates), self.mesh.node_points[self.nodes],
             self.mesh.node_points[inside],
         )
 
@@ -339,7 +338,7 @@ class ElasticPrior:
         elif about.packed or about.clustered:
             PRIOR.check(folder, *(_CLUSTERED if about.clustered else _EARLIER))
             own = (3 * np.searchsorted(free, nodes)[:, None] + np.arange(3)).ravel()
-            unknowns = _exact_unknowns(own, ReducedCoordinates(mesh))
+            unknowns = exact_unknowns(own, ReducedCoordinates(mesh))
             extents |= {"others": len(unknowns), "inside": extents["unknowns"] - len(unknowns), "contacts": len(nodes)}
             extents["nodes_inside"] = extents["inside"] // 3
             arrays = load_arrays(
@@ -361,7 +360,7 @@ class ElasticPrior:
         return ElasticPrior(mesh, nodes, compliance, about.name, about.missed, restraints)
 
 
-def _exact_unknowns(own: IntArray, coordinates: ReducedCoordinates) -> IntArray:
+def exact_unknowns(own: IntArray, coordinates: ReducedCoordinates) -> IntArray:
     """What a packed compliance keeps as it is: the contact nodes' own unknowns (R,), then all twists."""
     return np.concatenate([own, np.arange(coordinates.n_soft, coordinates.size)])
 
