@@ -25,7 +25,7 @@ from mixpinn.reduced.equilibrium import Equilibrium, cell_arrays
 
 _ALL_CELLS = 20_000
 """So many cells, or fewer, are all summed over: all of a patient's mesh at the default size."""
-_REACH = 30.0
+_REACH = 20.0
 """How far from contact nodes cells count where there are more [mm]."""
 _FADING = 0.25
 """The last part of the reach, over which weights fall to zero."""
@@ -92,8 +92,12 @@ class NearCells:
     def forces(self, field: Float32Array, blocks: IntArray, weights: Float32Array) -> Float32Array:
         """Nodal forces [N], float32, shape (n, 3), of some blocks for a displacement field [mm], shape (n, 3)."""
         nodal = np.zeros_like(field)
-        add_nonlinear_forces(blocks, weights, self._cells, field, self._gradients, self._constants, nodal)
+        self.add_forces(field, blocks, weights, nodal)
         return nodal
+
+    def add_forces(self, field: Float32Array, blocks: IntArray, weights: Float32Array, nodal: Float32Array) -> None:
+        """Add `forces` to `nodal` (n, 3); other nodes than those of the blocks are neither read nor written."""
+        add_nonlinear_forces(blocks, weights, self._cells, field, self._gradients, self._constants, nodal)
 
     def wrenches(self, twists: FloatArray) -> FloatArray:
         """What joints add beyond their stiffness at rest [N, N mm] for twists (K, 6), shape (K, 6)."""
