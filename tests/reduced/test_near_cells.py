@@ -146,6 +146,14 @@ def test_outputs_are_that_part_of_the_whole(nearby, table, mesh) -> None:
             assert np.abs(found - whole[chosen]).max(initial=0.0) <= 1e-5 * np.abs(whole).max()
 
 
+def test_outputs_of_the_prior_alone_are_that_part_of_it(prior, table, mesh) -> None:
+    bare = HybridModel.of_prior(prior, Equilibrium.of_materials(mesh, [TISSUE], prior.restraints))
+    chosen = np.random.default_rng(2).permutation(mesh.n_nodes)[:60]
+    for index in (0, len(table) - 1):
+        whole, found = prior.predict(*table.contact(index)), Outputs(bare, chosen).predict(*table.contact(index))
+        assert_allclose(found, whole[chosen], atol=1e-5 * np.abs(whole).max())
+
+
 def test_a_bundle_keeps_how_far_cells_count(nearby, model, table, mesh, tmp_path) -> None:
     for each, reach in ((nearby, 10.0), (model, None)):
         each.save(tmp_path / str(reach))

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -20,6 +22,14 @@ def test_prior_is_kept_and_made_anew_where_the_cache_is_damaged(store, tmp_path,
     third = cached_prior(store.mesh(), store.materials())
     np.testing.assert_array_equal(first.compliance.matrix, second.compliance.matrix)
     np.testing.assert_array_equal(first.compliance.matrix, third.compliance.matrix)
+
+
+def test_an_inexact_prior_of_an_earlier_version_is_made_anew(store, tmp_path, monkeypatch):
+    monkeypatch.setenv("MIXPINN_CACHE", str(tmp_path))
+    exact = cached_prior(store.mesh(), store.materials())
+    folder = next(tmp_path.rglob("prior.json")).parent
+    replace(exact, missed=0.01).save(folder)
+    assert cached_prior(store.mesh(), store.materials()).missed == 0.0
 
 
 class Unknown:

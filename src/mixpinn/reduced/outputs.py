@@ -1,8 +1,9 @@
 """Outputs: the hybrid model's answer at some nodes alone, for less than the whole field costs.
 
 What z adds to the prior's response is summed up over the unknowns of these nodes only: over the vertices of a mesh of
-ten-node cells, a seventh of all. The residual behind z needs the whole response where all cells count for it. On a mesh
-of many cells, of which those near contact count, prior and residual are asked there and at the chosen nodes alone.
+ten-node cells, a seventh of all. The residual behind z needs the whole response where all cells count for it. Where
+none is needed, or on a mesh of many cells, of which those near contact count, the prior is asked there and at the
+chosen nodes alone.
 """
 
 from collections.abc import Callable
@@ -54,11 +55,12 @@ class Outputs:
         self._place: IntArray = np.full(coordinates.size, -1)
         self._place[soft] = np.arange(len(soft))
         self._modes = model.newton.modes.columns(self._unknowns)
-        compliance = model.prior.compliance
-        self._newton: NearAnswer | None = None
-        if model.newton.near is not None and len(model.newton.modes) and isinstance(compliance, ClusteredCompliance):
+        compliance, correcting = model.prior.compliance, bool(len(model.newton.modes))
+        self._chosen: ClusteredCompliance | None = None  # where nothing needs the prior's answer as a whole
+        if isinstance(compliance, ClusteredCompliance) and not (correcting and model.newton.near is None):
             distinct, self._again = np.unique(self._unknowns, return_inverse=True)
-            self._newton, self._chosen = NearAnswer(model.newton), compliance.columns(distinct)
+            self._chosen = compliance.columns(distinct)
+        self._newton = NearAnswer(model.newton) if self._chosen is not None and correcting else None
         self._parts: list[tuple[int, IntArray, FloatArray]] = []
         for number, (members, arms) in enumerate(zip(coordinates.parts, coordinates.arms, strict=True)):
             at = np.minimum(np.searchsorted(members, chosen), max(len(members) - 1, 0))
@@ -85,10 +87,11 @@ class Outputs:
 
     def _respond(self, nodes: AnyArray, displacements: AnyArray) -> tuple[ContactSystem, Float32Array, Float32Array]:
         """The contact nodes, the prior's answer at the chosen unknowns (k,), and the correction z (m,)."""
-        if self._newton is None:
+        if self._chosen is None:
             state = self.model.respond(nodes, displacements)
             return state.contact, state.response[self._unknowns], state.correction
         contact = self.model.prior.hold(nodes)
         force = contact.solve(np.asarray(displacements).ravel())
-        correction, _ = self.model.correct(contact, force, self._newton.step(contact, force))
+        step = np.zeros(0, dtype=np.float32) if self._newton is None else self._newton.step(contact, force)
+        correction, _ = self.model.correct(contact, force, step)
         return contact, self._chosen.respond(contact.rows, force)[self._again], correction

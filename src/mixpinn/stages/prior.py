@@ -55,11 +55,19 @@ def cached_prior(
     folder = body_folder("prior", mesh, materials, restraints, nodes)
     if folder is None:
         return ElasticPrior.build(mesh, materials, nodes=nodes, restraints=restraints)
-    with contextlib.suppress(InputError):  # what is absent or damaged in the cache is made anew
-        return ElasticPrior.load(folder, mesh)
+    if (known := _kept(folder, mesh)) is not None:
+        return known
     with locked(folder, wait=True):  # two processes that need the same prior compute it once
-        with contextlib.suppress(InputError):
-            return ElasticPrior.load(folder, mesh)
+        if (known := _kept(folder, mesh)) is not None:
+            return known
         prior = ElasticPrior.build(mesh, materials, nodes=nodes, restraints=restraints)
         prior.save(folder)
         return prior
+
+
+def _kept(folder: Path, mesh: TissueMesh) -> ElasticPrior | None:
+    """The prior in a folder of the cache; None where it is absent, damaged, or inexact, as of earlier versions."""
+    with contextlib.suppress(InputError):
+        prior = ElasticPrior.load(folder, mesh)
+        return prior if prior.missed == 0.0 else None
+    return None
