@@ -64,6 +64,8 @@ JSON: Recipes = {
     "bundle: μ negative": lambda k: k.hybrid("mu", [-1.0]),
     "bundle: μ NaN": lambda k: k.hybrid("mu", [float("nan")]),
     "bundle: reach negative": lambda k: k.hybrid("reach", -1.0),
+    "bundle: near cells at a negative length": lambda k: k.hybrid("near", -1.0),
+    "bundle: near cells of text": lambda k: k.hybrid("near", "far"),
     "prior: nodes beyond": lambda k: k.predict(k.entry(k.bundle, "prior/prior.json", "nodes", value=[10**9])),
     "prior: nodes twice": lambda k: k.predict(k.entry(k.bundle, "prior/prior.json", "nodes", 0, value=10**4)),
     "manifest: a list": lambda k: k.predict(_unsealed(k, k.bundle, "manifest.json", b"[]")),

@@ -6,13 +6,15 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
+from mixpinn.base.errors import InputError
+from mixpinn.base.files import read_json, write_json
 from mixpinn.fem import SuperLUSolver
 from mixpinn.physics.restraints import Restraints
 from mixpinn.reduced import near_cells
 from mixpinn.reduced.build_prior import build_prior
 from mixpinn.reduced.equilibrium import Equilibrium
 from mixpinn.reduced.fit import HybridConfig, fit_hybrid
-from mixpinn.reduced.hybrid import HybridModel
+from mixpinn.reduced.hybrid import BUNDLE, HybridModel
 from mixpinn.reduced.near_answer import NearAnswer
 from mixpinn.reduced.near_cells import NearCells, cells_near
 from mixpinn.reduced.outputs import Outputs
@@ -160,6 +162,15 @@ def test_a_bundle_keeps_how_far_cells_count(nearby, model, table, mesh, tmp_path
         again = HybridModel.load(tmp_path / str(reach), mesh)
         assert (None if again.newton.near is None else again.newton.near.reach) == reach
         assert_array_equal(again.predict(*table.contact(1)), each.predict(*table.contact(1)))
+
+
+@pytest.mark.parametrize("reach", [-1.0, 0.0, float("nan"), float("inf"), "far"])
+def test_a_reach_that_is_no_length_is_refused(nearby, mesh, tmp_path, reach) -> None:
+    nearby.save(tmp_path)
+    write_json(tmp_path / "hybrid.json", {**read_json(tmp_path / "hybrid.json"), "near": reach})
+    BUNDLE.seal_more(tmp_path, ["hybrid.json"])
+    with pytest.raises(InputError, match="near|finite"):
+        HybridModel.load(tmp_path, mesh)
 
 
 def test_only_meshes_of_many_quadratic_cells_without_foundations_leave_cells_out(

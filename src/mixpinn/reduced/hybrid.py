@@ -250,7 +250,9 @@ class HybridModel:
                 mesh, mu=np.array(values.mu), lam=np.array(values.lam), restraints=prior.restraints,
             )
             modes, duals = (Rows(arrays[name], arrays.get(f"{name}_scale")) for name in ("modes", "duals"))
-            near = None if values.near is None else NearCells(mesh, equilibrium, prior.nodes, values.near)
+            near = None
+            if values.near is not None:
+                near = _near(values.near, mesh, equilibrium, prior, str(folder / HYBRID_FILE))
             newton = ModalNewton(prior, equilibrium, modes, duals, arrays["coupling"], near)
             where, size = f"{folder / HYBRID_FILE}: error", len(arrays["readers"])
             error = None if values.error is None else ErrorEstimate.of_dict(
@@ -264,6 +266,23 @@ class HybridModel:
             raise InputError(
                 str(folder), expected="a complete hybrid model", got=repr(found), fix="fit the model again",
             ) from found
+
+
+def _near(
+    reach: float, mesh: TissueMesh, equilibrium: Equilibrium, prior: ElasticPrior, where: str,
+) -> NearCells:
+    """Cells within `reach` [mm] of contact, when the body is one whose cells may be left out.
+
+    Raises:
+        InputError: it is not.
+    """
+    whole = mesh.order == 1 or equilibrium.rests_on_skin
+    if whole or not 0.0 < reach < np.inf:
+        raise InputError(
+            f"{where}: near", expected="null: all cells of this body count" if whole else "a length above zero [mm]",
+            got=f"{reach:g}", fix=BUNDLE.remake,
+        )
+    return NearCells(mesh, equilibrium, prior.nodes, reach)
 
 
 def _checked(arrays: Mapping[str, AnyArray], prior: ElasticPrior, where: str) -> Mapping[str, AnyArray]:
