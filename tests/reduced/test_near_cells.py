@@ -169,7 +169,7 @@ def test_a_reach_that_is_no_length_is_refused(nearby, mesh, tmp_path, reach) -> 
     nearby.save(tmp_path)
     write_json(tmp_path / "hybrid.json", {**read_json(tmp_path / "hybrid.json"), "near": reach})
     BUNDLE.seal_more(tmp_path, ["hybrid.json"])
-    with pytest.raises(InputError, match="near|finite"):
+    with pytest.raises(InputError, match=r"near|finite"):
         HybridModel.load(tmp_path, mesh)
 
 

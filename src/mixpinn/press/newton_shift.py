@@ -23,8 +23,12 @@ def newton_shift(hybrid: HybridModel, nodes: IntArray, forces: FloatArray) -> tu
     on = np.flatnonzero((forces != 0.0).any(axis=1))
     loaded, patch = prior.hold(nodes[on]), prior.hold(nodes)
     unknowns = prior.respond_to_forces(loaded, forces[on].ravel())
-    residual = hybrid.newton.equilibrium.residual(unknowns, coordinates)
-    residual[loaded.unknowns] -= forces[on].ravel().astype(np.float32)
+    near = hybrid.newton.near
+    if near is None:
+        residual = hybrid.newton.equilibrium.residual(unknowns, coordinates)
+        residual[loaded.unknowns] -= forces[on].ravel().astype(np.float32)
+    else:  # the linear answer balances the forces: what is beyond linear elasticity is all that is left
+        residual = near.residual(unknowns, coordinates, loaded.rows)
     shift: FloatArray = -prior.compliance.read(patch.rows, residual).reshape(-1, 3).astype(np.float64)
     here = unknowns[patch.unknowns].reshape(-1, 3).astype(np.float64)
     most = _LARGEST * np.sqrt((here**2).sum(axis=1).max())
