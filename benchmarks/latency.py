@@ -6,7 +6,7 @@ included; ``outputs_ms_p50`` to that of 5,000 nodes, vertices first (``nodes_ask
 pose to field, force and motions, ``pose_cpu_ms_p50`` the processor time of that; ``busy_pose_ms_p99`` the same beside
 another process that computes without pause; ``one_thread_pose_ms_p50`` with every library held to one thread, in a
 process of its own; ``growth`` the median from contact on the finer bundle relative to that on the first, with outputs
-at the same 5,000 places (null without one); ``bundle_mb`` the size of the bundle.
+at the same 5,000 places (null without one), whose mesh has ``finer_nodes``; ``bundle_mb`` the size of the bundle.
 ``cores`` and ``load`` say what machine it was.
 """
 
@@ -88,17 +88,18 @@ def measure(options: argparse.Namespace) -> dict[str, Any]:
     time.sleep(2.0)
     beside = milliseconds(ask_pose, options.repeats)
     busy.terminate()
-    growth = None
+    growth = finer_nodes = None
     if options.finer is not None:
         other = HybridPredictor.load(options.finer)
         there = cKDTree(other.mesh.node_points).query(mesh.node_points[asked])[1]
         finer = contact_times(other, poses, options.repeats, other.outputs(there).predict)
-        growth = float(np.median(finer) / np.median(outputs))
+        growth, finer_nodes = float(np.median(finer) / np.median(outputs)), other.mesh.n_nodes
     return {
         "contact_ms_p50": float(np.percentile(contact, 50)), "contact_ms_p99": float(np.percentile(contact, 99)),
         "outputs_ms_p50": float(np.percentile(outputs, 50)), "nodes_asked": len(asked),
         **found, "busy_pose_ms_p99": float(np.percentile(beside, 99)),
         "one_thread_pose_ms_p50": one_thread(options.bundle, options.repeats), "growth": growth,
+        "finer_nodes": finer_nodes,
         "bundle_mb": sum(file.stat().st_size for file in options.bundle.rglob("*") if file.is_file()) / 1e6,
         "nodes": mesh.n_points, "all_nodes": mesh.n_nodes, "cores": os.cpu_count(), "load": os.getloadavg()[0],
     }

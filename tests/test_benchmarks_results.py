@@ -146,4 +146,13 @@ def test_bundles_show_what_was_measured_of_them_and_a_dash_for_the_rest(tmp_path
     })
     text = BUNDLES.render(BUNDLES.collect([f"a patient={run}"], tmp_path))
     assert "| a patient | 16 | 0.40 | 0.0200 | 0.0123 | – | 0.041 | 0.31 | – |" in text
+    assert "Growth" not in text
+    write_json(run / "latency.json", {
+        "contact_ms_p50": 2.731, "contact_ms_p99": 4.5, "outputs_ms_p50": 2.59, "pose_ms_p50": 8.2, "pose_ms_p99": 13.1,
+        "one_thread_pose_ms_p50": 8.2, "busy_pose_ms_p99": 13.9, "growth": 1.2, "finer_nodes": 85351, "bundle_mb": 116.0,
+        "all_nodes": 21264,
+    })
+    timed = BUNDLES.render(BUNDLES.collect([f"a patient={run}"], tmp_path))
+    assert "(85,351 nodes)" in timed
+    assert "| a patient | 21,264 | 2.73 | 4.50 | 2.59 | 8.20 | 13.10 | 8.20 | 13.90 | 1.20 | 116.00 |" in timed
     assert "| a patient | 3240 | 99.8% | 0 / 0 / 1 / 0 | 0 | 0 | 1.00 / 0.96 / 0.95 | 2.5 / 3.4 / 2.6 |" in text

@@ -65,10 +65,37 @@ def _trust(bundles: dict[str, Any]) -> str:
     )
 
 
+_TIMES = {
+    "All nodes": "all_nodes", "Contact → all [ms]": "contact_ms_p50", "99th percentile": "contact_ms_p99",
+    "Contact → 5,000 nodes [ms]": "outputs_ms_p50", "Pose [ms]": "pose_ms_p50", "99th percentile ": "pose_ms_p99",
+    "Pose, one thread [ms]": "one_thread_pose_ms_p50", "Pose beside a busy process, 99th percentile [ms]":
+    "busy_pose_ms_p99", "Growth on a finer mesh": "growth", "Bundle [MB]": "bundle_mb",
+}
+
+
+def _times(bundles: dict[str, Any]) -> list[str]:
+    """How long answers take, where it was measured."""
+    timed = {name: entry["latency"] for name, entry in bundles.items() if entry["latency"] is not None}
+    if not timed:
+        return []
+    finer = next((of["finer_nodes"] for of in timed.values() if of.get("finer_nodes")), None)
+    words = "" if finer is None else (
+        " *Growth*: the median time from contact to the same 5,000 nodes on a finer mesh of the same facets "
+        f"({finer:,} nodes), relative to that on the first."
+    )
+    return [
+        "One answer at a time, idle (`python -m benchmarks.latency BUNDLE [FINER_BUNDLE]`)." + words + "\n",
+        table(("Anatomy", *_TIMES), [
+            (name, *(_cell(of, key, ",d" if key == "all_nodes" else ".2f") for key in _TIMES.values()))
+            for name, of in timed.items()
+        ]),
+    ]
+
+
 def render(data: Data) -> str:
     """The section."""
     return "\n".join([
-        brief(data),
+        brief(data), *_times(data["bundles"]),
         "Random presses from first touch to 20 mm, tilted by up to 15°, each answer asked for on its own:\n",
         _trust(data["bundles"]),
     ])
