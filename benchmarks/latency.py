@@ -6,7 +6,8 @@ included; ``outputs_ms_p50`` to that of 5,000 nodes, vertices first (``nodes_ask
 pose to field, force and motions, ``pose_cpu_ms_p50`` the processor time of that; ``busy_pose_ms_p99`` the same beside
 another process that computes without pause; ``one_thread_pose_ms_p50`` with every library held to one thread, in a
 process of its own; ``growth`` the median from contact on the finer bundle relative to that on the first, with outputs
-at the same 5,000 places (null without one), whose mesh has ``finer_nodes``; ``bundle_mb`` the size of the bundle.
+at the same 5,000 places, taken in turns (null without one), whose mesh has ``finer_nodes``; ``bundle_mb`` the size of
+the bundle.
 ``cores`` and ``load`` say what machine it was.
 """
 
@@ -26,6 +27,8 @@ from benchmarks.history import report
 
 _THREADS = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS")
 _ASKED = 5000
+_TURN = 20
+"""Answers of one bundle before the other's turn."""
 _parser = argparse.ArgumentParser(prog="python -m benchmarks.latency", description=__doc__)
 _parser.add_argument("bundle", type=Path)
 _parser.add_argument("finer", type=Path, nargs="?")
@@ -79,10 +82,10 @@ def measure(options: argparse.Namespace) -> dict[str, Any]:
     }
     if options.only_pose:
         return found
-    contact = contact_times(predictor, poses, options.repeats, predictor.predict)
+    contact = milliseconds(contact_ask(predictor, poses, predictor.predict), options.repeats)
     mesh = predictor.mesh
     asked = np.arange(max(mesh.n_points, min(_ASKED, mesh.n_nodes)))
-    outputs = contact_times(predictor, poses, options.repeats, predictor.outputs(asked).predict)
+    outputs = milliseconds(contact_ask(predictor, poses, predictor.outputs(asked).predict), options.repeats)
     busy = multiprocessing.get_context("spawn").Process(target=_compute, daemon=True)
     busy.start()
     time.sleep(2.0)
@@ -92,8 +95,12 @@ def measure(options: argparse.Namespace) -> dict[str, Any]:
     if options.finer is not None:
         other = HybridPredictor.load(options.finer)
         there = cKDTree(other.mesh.node_points).query(mesh.node_points[asked])[1]
-        finer = contact_times(other, poses, options.repeats, other.outputs(there).predict)
-        growth, finer_nodes = float(np.median(finer) / np.median(outputs)), other.mesh.n_nodes
+        asks = (
+            contact_ask(predictor, poses, predictor.outputs(asked).predict),
+            contact_ask(other, poses, other.outputs(there).predict),
+        )
+        here, finer = in_turns(asks, options.repeats)
+        growth, finer_nodes = float(np.median(finer) / np.median(here)), other.mesh.n_nodes
     return {
         "contact_ms_p50": float(np.percentile(contact, 50)), "contact_ms_p99": float(np.percentile(contact, 99)),
         "outputs_ms_p50": float(np.percentile(outputs, 50)), "nodes_asked": len(asked),
@@ -105,16 +112,25 @@ def measure(options: argparse.Namespace) -> dict[str, Any]:
     }
 
 
-def contact_times(
-    predictor: Any, poses: Sequence[tuple[Any, Any]], repeats: int, predict: Callable[..., object],
-) -> list[float]:
-    """From the contact nodes of these poses to what `predict` makes of them."""
+def contact_ask(
+    predictor: Any, poses: Sequence[tuple[Any, Any]], predict: Callable[..., object],
+) -> Callable[[int], object]:
+    """Asks for what `predict` makes of the contact nodes of these poses, by number."""
     asked = []
     for rotation, tip in poses:
         contact = predictor.press(tip, rotation=rotation).contact
         if len(contact.nodes):
             asked.append((contact.nodes, contact.displacement))
-    return milliseconds(lambda index: predict(*asked[index % len(asked)]), repeats)
+    return lambda index: predict(*asked[index % len(asked)])
+
+
+def in_turns(asks: Sequence[Callable[[int], object]], repeats: int) -> list[list[float]]:
+    """Wall times [ms] of several, a few at a time in turns: what the machine does besides hits them alike."""
+    found: list[list[float]] = [[] for _ in asks]
+    for start in range(0, repeats, _TURN):
+        for ask, times in zip(asks, found, strict=True):
+            times += milliseconds(lambda index, ask=ask, start=start: ask(start + index), _TURN)  # type: ignore[misc]
+    return found
 
 
 def one_thread(bundle: Path, repeats: int) -> float:
