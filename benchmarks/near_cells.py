@@ -19,7 +19,7 @@ import numpy as np
 from benchmarks.history import report
 from mixpinn.dataset import SimulationStore, build_sample_table
 from mixpinn.physics.single_precision import LANES
-from mixpinn.reduced.clustered_compliance import ClusteredCompliance
+from mixpinn.reduced.compliance.clusters import ClusteredCompliance
 from mixpinn.reduced.hybrid import HybridModel, load_bundle_mesh
 from mixpinn.reduced.near_answer import NearAnswer
 from mixpinn.reduced.near_cells import NearCells

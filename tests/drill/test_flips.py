@@ -10,7 +10,7 @@ from mixpinn.base.config import build_config
 from mixpinn.base.files import hash_arrays
 from mixpinn.dataset import SimulationStore
 from mixpinn.records import LabelMap
-from mixpinn.reduced import clustered_files
+from mixpinn.reduced.compliance import cluster_files
 from mixpinn.serving import load_predictor
 from mixpinn.stages.anatomy import AnatomyConfig, make_anatomy
 from mixpinn.stages.mesh import MeshConfig, MeshResult, make_mesh
@@ -94,7 +94,7 @@ def artefact(chain, bundle, tmp_path, monkeypatch):  # noqa: F811
     kinds = {
         "bundle": Artefact(bundle, predicted, (
             "hybrid.json", "hybrid.safetensors", "pose.safetensors", "mesh.vtu", "manifest.json", "prior/prior.json",
-            *(f"prior/{name}.npy" for name in clustered_files.SPECS), "prior/manifest.json",
+            *(f"prior/{name}.npy" for name in cluster_files.SPECS), "prior/manifest.json",
         )),
         "network": Artefact(chain.model, predicted, ("model.json", "weights.safetensors", "mesh.vtu", "manifest.json")),
         "losses": Artefact(chain.model, losses_of, ("history.csv", "manifest.json")),

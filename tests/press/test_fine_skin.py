@@ -21,11 +21,11 @@ from mixpinn.press.fine_skin import FineContact, FineSkin, own_along
 from mixpinn.press.force_law import TERMS, ForceLaw
 from mixpinn.press.grip import SIGNS
 from mixpinn.press.model import PoseModel
+from mixpinn.reduced.compliance.rows import Rows
 from mixpinn.reduced.equilibrium import Equilibrium
 from mixpinn.reduced.hybrid import BUNDLE, POSE_FILE, HybridModel
 from mixpinn.reduced.modal_newton import ModalNewton
 from mixpinn.reduced.prior import ElasticPrior
-from mixpinn.reduced.rows import Rows
 from mixpinn.stages.fine_skin import build_fine_skin
 from reduced.pressed_block import TISSUE, top_nodes
 from training.toy_block import block_mesh

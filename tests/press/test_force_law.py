@@ -18,11 +18,11 @@ from mixpinn.press.force_law import TERMS, ForceLaw, with_forces
 from mixpinn.press.grip import SIGNS, Grip
 from mixpinn.press.model import PoseModel
 from mixpinn.records import SampleTable
+from mixpinn.reduced.compliance.rows import Rows
 from mixpinn.reduced.equilibrium import Equilibrium
 from mixpinn.reduced.hybrid import HybridModel
 from mixpinn.reduced.modal_newton import ModalNewton
 from mixpinn.reduced.prior import ElasticPrior
-from mixpinn.reduced.rows import Rows
 from reduced.pressed_block import TISSUE, top_nodes
 from training.toy_block import block_mesh
 

@@ -18,12 +18,12 @@ from mixpinn.press.fit import PoseSamples, _blind, fit_pose, fitted_bend
 from mixpinn.press.model import PoseModel, Uncorrected
 from mixpinn.press.records import ContactHistory, ContactPrediction
 from mixpinn.records import ProbePath
+from mixpinn.reduced.compliance.rows import Rows
 from mixpinn.reduced.equilibrium import Equilibrium
 from mixpinn.reduced.hybrid import BUNDLE, HybridModel
 from mixpinn.reduced.modal_newton import ModalNewton
 from mixpinn.reduced.prior import ElasticPrior
 from mixpinn.reduced.quadratic_features import quadratic_features
-from mixpinn.reduced.rows import Rows
 from reduced.pressed_block import TISSUE, pressed_table, top_nodes
 from training.toy_block import block_mesh
 

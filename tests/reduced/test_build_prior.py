@@ -6,8 +6,8 @@ import pytest
 from mixpinn.base.errors import InputError
 from mixpinn.fem import ElasticSystem, SuperLUSolver
 from mixpinn.reduced.build_prior import build_prior
-from mixpinn.reduced.clustered_compliance import ClusteredCompliance
-from mixpinn.reduced.compliance import DenseCompliance
+from mixpinn.reduced.compliance.clusters import ClusteredCompliance
+from mixpinn.reduced.compliance.forms import DenseCompliance
 from reduced.pressed_block import TISSUE, top_nodes
 from training.toy_block import block_mesh
 

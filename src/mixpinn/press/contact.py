@@ -35,8 +35,8 @@ from mixpinn.press.records import (
 from mixpinn.press.session import ContactSession
 from mixpinn.press.skin_points import SkinPoints
 from mixpinn.records import Probe, TissueMesh
+from mixpinn.reduced.compliance.row_products import block_of
 from mixpinn.reduced.prior import ElasticPrior
-from mixpinn.reduced.row_products import block_of
 
 _CUTS = 5
 """A step may be halved so often."""

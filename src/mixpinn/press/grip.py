@@ -21,8 +21,8 @@ from mixpinn.base.arrays import FloatArray, IntArray
 from mixpinn.geometry.probe_pose import PROBE_AXIS
 from mixpinn.press.newton_shift import newton_shift
 from mixpinn.press.records import ContactPrediction
+from mixpinn.reduced.compliance.row_products import block_of
 from mixpinn.reduced.hybrid import HybridModel
-from mixpinn.reduced.row_products import block_of
 
 _DEPTH = 20.0
 """Depths are told as parts of this [mm]."""

@@ -36,9 +36,9 @@ from mixpinn.press.newton_shift import newton_shift
 from mixpinn.press.probe_field import ProbeField
 from mixpinn.press.records import ContactHistory, ContactPrediction, check_poses
 from mixpinn.records.answer import Trust
+from mixpinn.reduced.compliance.row_products import combine_rows
 from mixpinn.reduced.hybrid import HybridModel
 from mixpinn.reduced.quadratic_features import quadratic_features
-from mixpinn.reduced.row_products import combine_rows
 
 _TWICE = 25.0
 """Errors are expected to be twice as large this far outside of all tips that were learned from [mm]. Without it, where

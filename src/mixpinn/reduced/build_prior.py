@@ -10,8 +10,8 @@ from mixpinn.base.progress import track
 from mixpinn.fem import ElasticSystem, LinearSolver, Material, default_solver
 from mixpinn.physics.restraints import FREE, Restraints
 from mixpinn.records import TissueMesh
-from mixpinn.reduced.clustered_compliance import ClusteredCompliance
-from mixpinn.reduced.compliance import DenseCompliance
+from mixpinn.reduced.compliance.clusters import ClusteredCompliance
+from mixpinn.reduced.compliance.forms import DenseCompliance
 from mixpinn.reduced.coordinates import ReducedCoordinates
 from mixpinn.reduced.prior import DENSE_BYTES, ElasticPrior, exact_unknowns, probed_nodes
 

@@ -13,6 +13,7 @@ from mixpinn.base.progress import track
 from mixpinn.fem import ElasticSystem, Material, default_solver
 from mixpinn.records import SampleTable
 from mixpinn.records.answer import discretisation_of
+from mixpinn.reduced.compliance.rows import Rows
 from mixpinn.reduced.correction import REACH, WIDER, choose_correction, learned_share
 from mixpinn.reduced.drawn_steps import drawn_steps
 from mixpinn.reduced.equilibrium import Equilibrium
@@ -22,7 +23,6 @@ from mixpinn.reduced.modal_newton import ModalNewton
 from mixpinn.reduced.modes import coefficients, excited_modes, principal_modes
 from mixpinn.reduced.near_cells import NearCells, cells_near
 from mixpinn.reduced.prior import ElasticPrior
-from mixpinn.reduced.rows import Rows
 
 
 @dataclass(frozen=True)

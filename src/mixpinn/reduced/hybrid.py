@@ -25,13 +25,13 @@ from mixpinn.base.tensor_file import read_arrays, write_arrays
 from mixpinn.base.validated import ArraySpec, load_record
 from mixpinn.records import MESH_FILE, TissueMesh
 from mixpinn.records.answer import discretisation_of
+from mixpinn.reduced.compliance.rows import Rows
 from mixpinn.reduced.equilibrium import Equilibrium
 from mixpinn.reduced.error_estimate import ErrorEstimate, Signs
 from mixpinn.reduced.modal_newton import ModalNewton
 from mixpinn.reduced.near_cells import NearCells
 from mixpinn.reduced.prior import PRIOR, ContactSystem, ElasticPrior
 from mixpinn.reduced.quadratic_features import quadratic_features
-from mixpinn.reduced.rows import Rows
 
 HYBRID_FILE, _TENSORS, PRIOR_FOLDER = "hybrid.json", "hybrid.safetensors", "prior"
 BUNDLE = Artefact(

@@ -19,10 +19,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mixpinn.base.arrays import AnyArray, Float32Array, FloatArray
+from mixpinn.reduced.compliance.rows import Rows
 from mixpinn.reduced.equilibrium import Equilibrium
 from mixpinn.reduced.near_cells import NearCells
 from mixpinn.reduced.prior import ContactSystem, ElasticPrior
-from mixpinn.reduced.rows import Rows
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,11 +12,11 @@ from numba import njit
 
 from mixpinn.base.arrays import AnyArray, Float32Array, FloatArray, IntArray
 from mixpinn.geometry.rotations import rotation_from_vector
-from mixpinn.reduced.clustered_compliance import Cluster, ClusteredCompliance
+from mixpinn.reduced.compliance.clusters import Cluster, ClusteredCompliance
+from mixpinn.reduced.compliance.row_products import combine_rows, rows_times
+from mixpinn.reduced.compliance.rows import Rows
 from mixpinn.reduced.modal_newton import ModalNewton
 from mixpinn.reduced.prior import ContactSystem
-from mixpinn.reduced.row_products import combine_rows, rows_times
-from mixpinn.reduced.rows import Rows
 
 
 class NearAnswer:

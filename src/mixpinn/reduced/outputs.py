@@ -13,7 +13,7 @@ import numpy as np
 from mixpinn.base.arrays import AnyArray, Float32Array, FloatArray, IntArray
 from mixpinn.base.errors import InputError
 from mixpinn.geometry.rotations import rotation_from_vector
-from mixpinn.reduced.clustered_compliance import ClusteredCompliance
+from mixpinn.reduced.compliance.clusters import ClusteredCompliance
 from mixpinn.reduced.hybrid import HybridModel
 from mixpinn.reduced.near_answer import NearAnswer
 from mixpinn.reduced.prior import ContactSystem

@@ -26,11 +26,11 @@ from mixpinn.physics.cholesky import cholesky_in_place, cholesky_solve
 from mixpinn.physics.restraints import FREE, Restraints
 from mixpinn.records import TissueMesh
 from mixpinn.records.answer import discretisation_of
-from mixpinn.reduced import clustered_files
-from mixpinn.reduced.clustered_compliance import ClusteredCompliance
-from mixpinn.reduced.compliance import Compliance, DenseCompliance, FactoredCompliance
+from mixpinn.reduced.compliance import cluster_files
+from mixpinn.reduced.compliance.clusters import ClusteredCompliance
+from mixpinn.reduced.compliance.forms import Compliance, DenseCompliance, FactoredCompliance
+from mixpinn.reduced.compliance.row_products import block_of
 from mixpinn.reduced.coordinates import ReducedCoordinates
-from mixpinn.reduced.row_products import block_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 _ABOUT, _COMPLIANCE = "prior.json", "compliance.npy"
 _LEFT, _RIGHT, _OWN = "left.npy", "right.npy", "own.npy"
 _EARLIER = ("numbers.npy", "scale.npy", "exact.npy")
-_CLUSTERED = tuple(f"{name}.npy" for name in clustered_files.SPECS)
+_CLUSTERED = tuple(f"{name}.npy" for name in cluster_files.SPECS)
 FILES = tuple(dict.fromkeys((_ABOUT, _COMPLIANCE, _LEFT, _RIGHT, _OWN, *_EARLIER, *_CLUSTERED)))
 """All that a prior may have; compliance, whole or in clusters (`_EARLIER`: as earlier versions wrote it), or its
 factors."""
@@ -241,7 +241,7 @@ class ElasticPrior:
             tolerance: with a positive one, a C that is not in factors is written as a product of two smaller matrices
                 that differs from it by at most this share, in the Frobenius norm; the contact nodes' own block stays
                 exact. Such a prior is multiplied out when it is read, unless that would take more than `DENSE_BYTES`.
-            packed: without tolerance, write a dense C in clusters; see `mixpinn.reduced.clustered_compliance`.
+            packed: without tolerance, write a dense C in clusters; see `mixpinn.reduced.compliance.clusters`.
         """
         folder, record = Path(folder), self.restraints.record()
         Restraints.of_record(record, "joints of a prior that is kept")  # a law of the user's own cannot be read back
@@ -263,11 +263,11 @@ class ElasticPrior:
             return {_LEFT: kept.left, _RIGHT: kept.right, _OWN: kept.block}
         if isinstance(kept, ClusteredCompliance):
             if tolerance <= 0.0:
-                return _named(clustered_files.arrays_of(kept))
+                return _named(cluster_files.arrays_of(kept))
             kept = DenseCompliance(kept.dense())
         assert isinstance(kept, DenseCompliance)
         if packed and tolerance <= 0.0:
-            return _named(clustered_files.arrays_of(self._clustered))
+            return _named(cluster_files.arrays_of(self._clustered))
         factors: dict[str, AnyArray] = {_COMPLIANCE: kept.matrix}
         if tolerance > 0.0:
             factors = self._factors(kept.matrix, tolerance)
@@ -342,13 +342,13 @@ class ElasticPrior:
             extents |= {"others": len(unknowns), "inside": extents["unknowns"] - len(unknowns), "contacts": len(nodes)}
             extents["nodes_inside"] = extents["inside"] // 3
             arrays = load_arrays(
-                folder, clustered_files.SPECS if about.clustered else _ONE_CLUSTER, remake=PRIOR.remake,
-                extents=extents, mapped=clustered_files.MAPPED if about.clustered else ("numbers",),
+                folder, cluster_files.SPECS if about.clustered else _ONE_CLUSTER, remake=PRIOR.remake,
+                extents=extents, mapped=cluster_files.MAPPED if about.clustered else ("numbers",),
             )
             compliance = (
-                clustered_files.compliance_of(arrays, unknowns, where=str(folder), remake=PRIOR.remake)
+                cluster_files.compliance_of(arrays, unknowns, where=str(folder), remake=PRIOR.remake)
                 if about.clustered
-                else clustered_files.of_one_cluster(arrays["numbers"], arrays["scale"], arrays["exact"], unknowns)
+                else cluster_files.of_one_cluster(arrays["numbers"], arrays["scale"], arrays["exact"], unknowns)
             )
         else:
             PRIOR.check(folder, _COMPLIANCE)

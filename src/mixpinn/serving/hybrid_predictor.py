@@ -15,7 +15,7 @@ from mixpinn.geometry.probe_pose import probe_rotation
 from mixpinn.records import TissueMesh
 from mixpinn.records.answer import Answer, Contact, Source, Trust, discretisation_of
 from mixpinn.records.error_budget import ErrorBudget, TotalError
-from mixpinn.reduced.compliance import read_ahead
+from mixpinn.reduced.compliance.forms import read_ahead
 from mixpinn.reduced.hybrid import POSE_FILE, HybridModel, HybridState, load_bundle_mesh
 from mixpinn.reduced.outputs import Outputs
 from mixpinn.serving.bundle_budget import load_budget

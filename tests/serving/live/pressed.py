@@ -12,11 +12,11 @@ from mixpinn.press.domain import PoseDomain
 from mixpinn.press.files import save_pose_model
 from mixpinn.press.model import PoseModel
 from mixpinn.records import MESH_FILE
+from mixpinn.reduced.compliance.rows import Rows
 from mixpinn.reduced.equilibrium import Equilibrium
 from mixpinn.reduced.hybrid import HybridModel
 from mixpinn.reduced.modal_newton import ModalNewton
 from mixpinn.reduced.prior import ElasticPrior
-from mixpinn.reduced.rows import Rows
 from mixpinn.serving import HybridPredictor
 from reduced.pressed_block import TISSUE, top_nodes
 from training.toy_block import block_mesh

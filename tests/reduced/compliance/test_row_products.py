@@ -5,8 +5,8 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 
 from mixpinn.fem import PAPER_TISSUE
+from mixpinn.reduced.compliance.row_products import combine_rows, rows_times
 from mixpinn.reduced.equilibrium import Equilibrium
-from mixpinn.reduced.row_products import combine_rows, rows_times
 from training.toy_block import block_mesh
 
 

@@ -8,7 +8,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from mixpinn.base.array_file import read_npy
-from mixpinn.reduced.compliance import DenseCompliance, FactoredCompliance, read_ahead
+from mixpinn.reduced.compliance.forms import DenseCompliance, FactoredCompliance, read_ahead
 from mixpinn.reduced.fit import HybridConfig, fit_hybrid
 from mixpinn.reduced.load_states import Footprints, draw_loads
 from mixpinn.reduced.prior import ElasticPrior

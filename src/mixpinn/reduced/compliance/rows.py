@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mixpinn.base.arrays import AnyArray, Float32Array, IntArray
-from mixpinn.reduced.row_products import combine_rows, rows_times
+from mixpinn.reduced.compliance.row_products import combine_rows, rows_times
 
 _LARGEST = 32_767
 """The largest of the 16-bit integers."""

@@ -7,8 +7,8 @@ import numpy as np
 from mixpinn.base.arrays import AnyArray, IntArray
 from mixpinn.base.errors import InputError
 from mixpinn.base.validated import ArraySpec
-from mixpinn.reduced.clustered_compliance import Cluster, ClusteredCompliance, rows_of
-from mixpinn.reduced.rows import Rows
+from mixpinn.reduced.compliance.clusters import Cluster, ClusteredCompliance, rows_of
+from mixpinn.reduced.compliance.rows import Rows
 
 SPECS = {
     "cluster": ArraySpec("index", ("contacts",), low=0), "close": ArraySpec("flag", ("clusters", "nodes_inside")),

@@ -7,11 +7,11 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from mixpinn.base.errors import InputError
-from mixpinn.reduced import clustered_files
-from mixpinn.reduced.clustered_compliance import ClusteredCompliance, rows_of
-from mixpinn.reduced.clustered_files import compliance_of
+from mixpinn.reduced.compliance import cluster_files
+from mixpinn.reduced.compliance.cluster_files import compliance_of
+from mixpinn.reduced.compliance.clusters import ClusteredCompliance, rows_of
+from mixpinn.reduced.compliance.rows import Rows
 from mixpinn.reduced.prior import PRIOR, ElasticPrior
-from mixpinn.reduced.rows import Rows
 
 OWN, TWISTS = 720, 6
 
@@ -99,7 +99,7 @@ def test_what_is_written_is_read_again_and_in_factors(mesh, prior, tmp_path) -> 
 
 @pytest.mark.parametrize("damaged", ["near", "far", "left", "modes", "cluster"])
 def test_arrays_that_do_not_fit_together_are_refused(clustered, damaged) -> None:
-    arrays = clustered_files.arrays_of(clustered)
+    arrays = cluster_files.arrays_of(clustered)
     assert_array_equal(
         compliance_of(arrays, clustered.unknowns, where="here", remake="again").dense(), clustered.dense(),
     )
@@ -118,7 +118,7 @@ def test_what_earlier_versions_wrote_is_read(mesh, prior, tmp_path) -> None:
     inside = np.setdiff1d(np.arange(prior.coordinates.size), unknowns)
     whole = np.asarray(prior.compliance.matrix)
     rows = Rows.of(whole[:, inside], integers=True)
-    for name in clustered_files.SPECS:
+    for name in cluster_files.SPECS:
         (tmp_path / f"{name}.npy").unlink()
     for name, array in (("numbers", rows.numbers), ("scale", rows.scale), ("exact", whole[:, unknowns])):
         np.save(tmp_path / f"{name}.npy", array)

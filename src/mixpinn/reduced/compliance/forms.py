@@ -9,7 +9,7 @@ numbers. Farther in, responses are smooth and lie near r modes Ψ, which are zer
 the second the exact transpose of the first. The modes are orthonormal with weights M that hardly count the contact
 nodes, and L = (Ψ M C)ᵀ = (Ψ M K⁻¹ Sᵀ)ᵀ are the coefficients of the responses: a solve for each mode, and no C.
 
-In a bundle it lies in clusters (`mixpinn.reduced.clustered_compliance`).
+In a bundle it lies in clusters (`mixpinn.reduced.compliance.clusters`).
 """
 
 import mmap
@@ -19,7 +19,7 @@ from typing import Protocol
 import numpy as np
 
 from mixpinn.base.arrays import AnyArray, Float32Array, IntArray
-from mixpinn.reduced.row_products import combine_rows, rows_times
+from mixpinn.reduced.compliance.row_products import combine_rows, rows_times
 
 
 class Compliance(Protocol):

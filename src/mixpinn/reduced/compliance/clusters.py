@@ -19,8 +19,8 @@ from scipy.spatial import cKDTree
 
 from mixpinn.base.arrays import AnyArray, BoolArray, Float32Array, FloatArray, IntArray
 from mixpinn.base.progress import track
-from mixpinn.reduced.row_products import combine_rows, rows_times
-from mixpinn.reduced.rows import Rows
+from mixpinn.reduced.compliance.row_products import combine_rows, rows_times
+from mixpinn.reduced.compliance.rows import Rows
 
 _NEAR = 1.6
 """Nodes within so many radii of a cluster's contact nodes are near it."""
@@ -75,7 +75,7 @@ class Cluster:
 
 @dataclass(frozen=True, eq=False)
 class ClusteredCompliance:
-    """C by clusters of its contact nodes; see `mixpinn.reduced.compliance.Compliance`.
+    """C by clusters of its contact nodes; see `mixpinn.reduced.compliance.forms.Compliance`.
 
     Attributes:
         clusters: that have each row once.
