@@ -12,6 +12,7 @@ regression on simulations. The twists in q move the rigid parts by finite rotati
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
 
@@ -29,6 +30,7 @@ from mixpinn.reduced.compliance.rows import Rows
 from mixpinn.reduced.equilibrium import Equilibrium
 from mixpinn.reduced.error_estimate import ErrorEstimate, Signs
 from mixpinn.reduced.modal_newton import ModalNewton
+from mixpinn.reduced.near_answer import NearAnswer
 from mixpinn.reduced.near_cells import NearCells
 from mixpinn.reduced.prior import PRIOR, ContactSystem, ElasticPrior
 from mixpinn.reduced.quadratic_features import quadratic_features
@@ -139,6 +141,11 @@ class HybridModel:
     def made_on(self) -> str:
         """Elements and size of the mesh in words, and what its cells were refined to in the simulations."""
         return discretisation_of(self.mesh, self.about.get("refined_to", ""))
+
+    @cached_property
+    def near_answer(self) -> NearAnswer:
+        """What outputs ask on a mesh of many cells; laid out once for all of them."""
+        return NearAnswer(self.newton)
 
     @staticmethod
     def of_prior(prior: ElasticPrior, equilibrium: Equilibrium) -> "HybridModel":

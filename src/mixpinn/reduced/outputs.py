@@ -15,7 +15,6 @@ from mixpinn.base.errors import InputError
 from mixpinn.geometry.rotations import rotation_from_vector
 from mixpinn.reduced.compliance.clusters import ClusteredCompliance
 from mixpinn.reduced.hybrid import HybridModel
-from mixpinn.reduced.near_answer import NearAnswer
 from mixpinn.reduced.prior import ContactSystem
 
 Checked = Callable[[AnyArray, AnyArray], tuple[AnyArray, AnyArray]]
@@ -60,7 +59,7 @@ class Outputs:
         if isinstance(compliance, ClusteredCompliance) and not (correcting and model.newton.near is None):
             distinct, self._again = np.unique(self._unknowns, return_inverse=True)
             self._chosen = compliance.columns(distinct)
-        self._newton = NearAnswer(model.newton) if self._chosen is not None and correcting else None
+        self._newton = model.near_answer if self._chosen is not None and correcting else None
         self._parts: list[tuple[int, IntArray, FloatArray]] = []
         for number, (members, arms) in enumerate(zip(coordinates.parts, coordinates.arms, strict=True)):
             at = np.minimum(np.searchsorted(members, chosen), max(len(members) - 1, 0))
