@@ -79,8 +79,8 @@ def page_text(section: Section, data: Data, folder: str) -> str:
     title, _, rest = text.partition("\n")
     more = f"[All tables]({folder}/{section.name}.md), [figures as JSON]({folder}/{section.name}.json)."
     kind = f"*Errors {section.kind}.* " if section.kind else ""
-    note = f"\n*{data['note']}*\n" if data.get("note") else ""
-    return f"{title}\n\n{kind}{more}\n{note}{rest}"
+    note = f" *{data['note']}*" if data.get("note") else ""
+    return f"{title}\n\n{kind}{more}{note}\n{rest}"
 
 
 def table(columns: Sequence[str], rows: Sequence[Sequence[object]], *, numeric_from: int = 1) -> str:
