@@ -85,7 +85,8 @@ def measure(options: argparse.Namespace) -> dict[str, Any]:
     contact = milliseconds(contact_ask(predictor, poses, predictor.predict), options.repeats)
     mesh = predictor.mesh
     asked = np.arange(max(mesh.n_points, min(_ASKED, mesh.n_nodes)))
-    outputs = milliseconds(contact_ask(predictor, poses, predictor.outputs(asked).predict), options.repeats)
+    ask_outputs = contact_ask(predictor, poses, predictor.outputs(asked).predict)
+    outputs = milliseconds(ask_outputs, options.repeats)
     busy = multiprocessing.get_context("spawn").Process(target=_compute, daemon=True)
     busy.start()
     time.sleep(2.0)
@@ -95,11 +96,8 @@ def measure(options: argparse.Namespace) -> dict[str, Any]:
     if options.finer is not None:
         other = HybridPredictor.load(options.finer)
         there = cKDTree(other.mesh.node_points).query(mesh.node_points[asked])[1]
-        asks = (
-            contact_ask(predictor, poses, predictor.outputs(asked).predict),
-            contact_ask(other, poses, other.outputs(there).predict),
-        )
-        here, finer = in_turns(asks, options.repeats)
+        ask_finer = contact_ask(other, poses, other.outputs(there).predict)
+        here, finer = in_turns((ask_outputs, ask_finer), options.repeats)
         growth, finer_nodes = float(np.median(finer) / np.median(here)), other.mesh.n_nodes
     return {
         "contact_ms_p50": float(np.percentile(contact, 50)), "contact_ms_p99": float(np.percentile(contact, 99)),

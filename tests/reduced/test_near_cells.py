@@ -18,6 +18,7 @@ from mixpinn.reduced.hybrid import BUNDLE, HybridModel
 from mixpinn.reduced.near_answer import NearAnswer
 from mixpinn.reduced.near_cells import NearCells, cells_near
 from mixpinn.reduced.outputs import Outputs
+from reduced.part_of_whole import outputs_are_part_of_the_whole
 from reduced.pressed_block import TISSUE, pressed_table, top_nodes
 from reduced.test_restraints import JOINT, PAD, free
 from training.toy_block import block_mesh
@@ -134,18 +135,8 @@ def test_asked_near_the_contact_the_step_is_the_same(nearby, table) -> None:
         assert_allclose(near.step(contact, force), expected, atol=1e-4 * np.abs(expected).max())
 
 
-def test_outputs_are_that_part_of_the_whole(nearby, table, mesh) -> None:
-    rng = np.random.default_rng(0)
-    part = np.flatnonzero(mesh.node_part > 0)
-    for chosen in (
-        np.arange(mesh.n_points), rng.permutation(mesh.n_nodes)[:40], part[::-3], table.contact(5)[0],
-        np.flatnonzero(mesh.node_fixed)[:3], np.array([5, 5, 2]), np.empty(0, dtype=np.int64),
-    ):
-        outputs = Outputs(nearby, chosen)
-        for index in (0, len(table) - 1):
-            whole, found = nearby.predict(*table.contact(index)), outputs.predict(*table.contact(index))
-            assert found.shape == (len(chosen), 3)
-            assert np.abs(found - whole[chosen]).max(initial=0.0) <= 1e-5 * np.abs(whole).max()
+def test_outputs_are_that_part_of_the_whole(nearby, table) -> None:
+    outputs_are_part_of_the_whole(nearby, table, within=1e-5)
 
 
 def test_outputs_of_the_prior_alone_are_that_part_of_it(prior, table, mesh) -> None:

@@ -85,10 +85,7 @@ class ReducedCoordinates:
 
     def place_parts(self, unknowns: AnyArray, field: AnyArray) -> None:
         """Write the motion t + (R − 1) (X − c) of the rigid parts' nodes into `field` (n, 3), in its precision."""
-        self.place_twists(self.twists(unknowns), field)
-
-    def place_twists(self, twists: FloatArray, field: AnyArray) -> None:
-        """As `place_parts`, for twists (K, 6)."""
+        twists = self.twists(unknowns)
         turns = rotation_from_vector(twists[:, 3:]) - np.eye(3)
         nodes, arms, begins, ends, _ = self._joined
         _move_parts(nodes, arms, begins, ends, twists, turns, field)
@@ -103,13 +100,7 @@ class ReducedCoordinates:
         """
         out = np.empty(self.size, dtype=np.float32)
         _gather(force, self.free, out)
-        out[self.n_soft :] = self.wrenches(force, field).ravel()
-        return out
-
-    def wrenches(self, force: Float32Array, field: Float32Array) -> Float32Array:
-        """The parts' net force and moment [N, N mm], float32, shape (K, 6); operands as in `gather`."""
-        out = np.empty((len(self.parts), 6), dtype=np.float32)
-        _wrenches(force, field, *self._joined, out)
+        _wrenches(force, field, *self._joined, out[self.n_soft :].reshape(-1, 6))
         return out
 
     def project(self, field: AnyArray) -> FloatArray:
