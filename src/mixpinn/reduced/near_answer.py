@@ -179,8 +179,8 @@ def _scale_of(rows: Rows) -> Float32Array:
 def _place(nodes, part, arms, twists, turns, field):  # type: ignore[no-untyped-def]
     """t + (R − 1) a at nodes of rigid parts, zero at others.
 
-    As `ReducedCoordinates` has it, and the wrenches below, but at these nodes alone: with its kernels, over all nodes of
-    parts and of the field, an answer on a mesh of 105,000 nodes takes a tenth of a millisecond longer, about 4 %.
+    As `ReducedCoordinates` has it, and the wrenches below, but at these nodes alone. With its kernels, over all nodes
+    of parts, an answer on a mesh of 105,000 nodes takes a tenth of a millisecond longer, about 4 %.
     """
     for k in range(len(nodes)):
         node = nodes[k]
